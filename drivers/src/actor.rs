@@ -1,7 +1,8 @@
-//! One thread per device: it connects, answers one call at a time, and connects again when the link is lost.
+//! One thread per device: it connects, executes one call at a time, and reconnects after a lost link.
 //!
-//! A caller that goes away leaves the device in a known state: the call runs to its end on the device's own thread, or, if
-//! it is one that can be interrupted, is dropped where it waits and followed by what ends it in order. After a reconnection nothing is repeated: no motion and no light comes back by itself.
+//! A cancelled caller leaves the device in a known state. The call either runs to its end on the device's thread or, if
+//! it is interruptible, is dropped at its next await and followed by its clean-up. No command is repeated after a
+//! reconnection, so neither motion nor light resumes without a new command.
 
 use crate::{Class, Clock, DeviceError, DeviceResult};
 use std::future::Future;
@@ -11,15 +12,15 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::sync::oneshot;
 
-/// Opens a device; called again after the link was lost.
+/// Opens a device; called again after the link is lost.
 pub type Connect<D> = Box<dyn FnMut() -> DeviceResult<Box<D>> + Send>;
 
-/// What a call on a device returns.
+/// Future of a call on a device.
 pub type Pending<'a, T> = Pin<Box<dyn Future<Output = DeviceResult<T>> + Send + 'a>>;
 
 type Job<D> = Box<dyn FnOnce(&mut Link<D>, &tokio::runtime::Runtime) + Send>;
 
-/// First pause before a new attempt to connect; each further one is twice as long.
+/// Pause before the second attempt to connect; it doubles with each further attempt.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 
 /// A device on its own thread.
@@ -28,27 +29,27 @@ pub struct Actor<D: ?Sized> {
     patience: Duration,
     jobs: Option<mpsc::Sender<Job<D>>>,
     thread: Option<JoinHandle<()>>,
-    /// A call that did not end in time still holds the thread.
+    /// A call that exceeded its limit still occupies the thread.
     stuck: bool,
 }
 
-/// How long to try to get a lost link back, and on which clock.
+/// Total time for reconnection attempts, and the clock that measures it.
 #[derive(Clone)]
 pub struct Patience {
-    /// In total.
+    /// Total time.
     pub total: Duration,
     /// Measures the pauses between attempts.
     pub clock: Arc<dyn Clock>,
 }
 
-/// The device, while there is a link to it.
+/// The device, while it is connected.
 struct Link<D: ?Sized> {
     connect: Connect<D>,
     device: Option<Box<D>>,
     identity: fn(&D) -> String,
     id: String,
     patience: Patience,
-    /// Why a call that was dropped could not be ended in order.
+    /// Error of the clean-up after a dropped call.
     unended: Option<DeviceError>,
 }
 
@@ -56,7 +57,7 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
     /// Connects on a new thread. `identity` reads the device's stable identity.
     ///
     /// # Errors
-    /// As `connect` answers; the thread is gone then.
+    /// As `connect`; the thread has then ended.
     pub async fn start<T: Send + 'static>(
         mut connect: Connect<D>,
         identity: fn(&D) -> String,
@@ -86,7 +87,7 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
                 Ok((Self { id, patience: total, jobs: Some(jobs), thread: Some(thread), stuck: false }, info))
             }
             answer => {
-                // It has said its last word, so this does not wait.
+                // The thread has sent its last message, so this does not block.
                 let _ = thread.join();
                 Err(answer.map_or_else(|_| died("device", "connect"), |r| r.err().unwrap_or_else(|| died("", ""))))
             }
@@ -96,8 +97,8 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
     /// Runs a call on the device's thread.
     ///
     /// # Errors
-    /// As the device answers; `Stop` when it has not answered after `limit` (and `patience` when it must connect again),
-    /// on the machine's own clock.
+    /// As the device. `Stop` if it has not answered after `limit` (plus `patience` for a reconnection), measured on the
+    /// system clock.
     pub async fn call<T: Send + 'static>(
         &mut self,
         command: &str,
@@ -109,16 +110,16 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
         let job: Job<D> = Box::new(move |link, runtime| {
             let result = link.connected(&named).and_then(|device| runtime.block_on(run(device)));
             link.look_at(&result);
-            // A caller that went away does not need the answer.
+            // A cancelled caller does not need the answer.
             let _ = answer.send(result);
         });
         self.queue(command, limit, job, answered).await
     }
 
-    /// Runs a call that is dropped when its caller goes away; then `end` brings the device to rest.
+    /// Runs a call that is dropped when its caller is cancelled; `end` then brings the device to rest.
     ///
     /// # Errors
-    /// As [`Actor::call`]'s.
+    /// As [`Actor::call`].
     pub async fn interruptible<T: Send + 'static>(
         &mut self,
         command: &str,
@@ -144,7 +145,7 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
                 })
             });
             link.look_at(&result);
-            // What could not be brought to rest for a caller that went away is told the next one.
+            // If the clean-up failed and the caller is gone, the next caller receives the error.
             if let Some(Err(Err(error))) = result.transpose().map(|result| answer.send(result)) {
                 link.unended = Some(error);
             }
@@ -187,21 +188,21 @@ impl<D: ?Sized> Drop for Actor<D> {
     fn drop(&mut self) {
         self.jobs = None;
         if let Some(thread) = self.thread.take().filter(|_| !self.stuck) {
-            // A device that panicked has said so already.
+            // A device that panicked has already reported it.
             let _ = thread.join();
         }
     }
 }
 
 impl<D: ?Sized> Link<D> {
-    /// A lost device is connected again before the next call.
+    /// Marks a lost device for reconnection before the next call.
     fn look_at<T>(&mut self, result: &DeviceResult<T>) {
         if result.as_ref().is_err_and(|e| e.class == Class::Lost) {
             self.device = None;
         }
     }
 
-    /// The device, connected again if need be: the same device, or none.
+    /// The device, reconnected if necessary. A device of another identity is refused.
     fn connected(&mut self, command: &str) -> DeviceResult<&mut D> {
         if self.device.is_none() {
             self.device = Some(self.reconnect(command)?);
@@ -260,7 +261,7 @@ mod tests {
         fn next<'a>(&'a mut self) -> Pending<'a, usize>;
     }
 
-    /// Counts its calls since it was connected; the second call loses the link, a third blocks until told.
+    /// Counts calls since the connection. The second call loses the link; a third one blocks until it is released.
     struct Fake {
         id: String,
         calls: usize,
@@ -289,7 +290,7 @@ mod tests {
         Patience { total: Duration::from_millis(ms), clock: Arc::new(SystemClock) }
     }
 
-    /// The n-th connection (from 0) succeeds where `works(n)` names the device.
+    /// The n-th connection (from 0) succeeds if `works(n)` returns the device's name.
     async fn actor(
         works: fn(usize) -> Option<&'static str>,
         release: Arc<Mutex<()>>,
@@ -303,7 +304,7 @@ mod tests {
         Ok(Actor::start(connect, |d| d.id(), |_| (), patience(total_ms)).await?.0)
     }
 
-    /// Only a stuck machine takes so long for what comes at once.
+    /// Limit for calls that return at once; only a hung machine exceeds it.
     const LONG: Duration = Duration::from_secs(60);
 
     fn run<T>(future: impl Future<Output = T>) -> T {
@@ -365,7 +366,7 @@ mod tests {
                 },
             );
             assert!(tokio::time::timeout(Duration::from_millis(20), endless).await.is_err());
-            // The lost link of its second call: the end was its first.
+            // The clean-up was the first call, so this one is the second and loses the link.
             actor.call("count", LONG, |d| d.next()).await.unwrap_err();
             assert_eq!(ended.load(Ordering::Relaxed), 1);
         });

@@ -1,16 +1,16 @@
-//! Time as devices see it, so that a simulated bench can run faster than the clock on the wall.
+//! Clock interface of the devices, so that a simulated bench can run faster than real time.
 
 use std::time::Duration;
 
 /// Monotonic time since an arbitrary start.
 pub trait Clock: Send + Sync {
-    /// Time now.
+    /// Current time.
     fn now(&self) -> Duration;
     /// Returns once `duration` has passed on this clock.
     fn wait(&self, duration: Duration);
 }
 
-/// The machine's monotonic clock, which is also that of the kernel's camera timestamps.
+/// The system's monotonic clock, which also stamps the kernel's camera frames.
 #[derive(Default)]
 pub struct SystemClock;
 

@@ -1,44 +1,44 @@
-//! What went wrong with a device: which one, doing what, what was expected and what came.
+//! Device errors: device, command, expected answer and received answer.
 
 use serde::{Deserialize, Serialize};
 
 /// Result of a device call.
 pub type DeviceResult<T> = Result<T, DeviceError>;
 
-/// A device did not do what it was asked to.
+/// A device failed to execute a command.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 #[error("{device}: {command}: expected {expected}, got {got}; {remedy}")]
 pub struct DeviceError {
-    /// Which device, as the user knows it.
+    /// Device name, as known to the user.
     pub device: Box<str>,
-    /// What it was asked to do.
+    /// Command that failed.
     pub command: Box<str>,
-    /// What should have come back.
+    /// Expected answer.
     pub expected: Box<str>,
-    /// What came back.
+    /// Received answer.
     pub got: Box<str>,
-    /// What the user can do.
+    /// Instruction for the user.
     pub remedy: Box<str>,
-    /// What the caller can do.
+    /// Options of the caller.
     pub class: Class,
 }
 
-/// What the caller can do about a device error.
+/// Options of the caller after a device error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
-    /// The same command may work when given again.
+    /// The same command may succeed when repeated.
     Retry,
-    /// The link is gone; it may come back, with the device in an unknown state.
+    /// The link is lost. The device may reconnect, in an unknown state.
     Lost,
-    /// The session must stop; a person must look.
+    /// The session must stop until a person has checked the device.
     Stop,
-    /// The device cannot do this at all: plan or configuration are wrong.
+    /// The device cannot do this: plan or configuration are wrong.
     Setup,
 }
 
 impl DeviceError {
-    /// An error of the class [`Class::Stop`] without remedy; the other methods complete it.
+    /// An error of class [`Class::Stop`] without a remedy; the other methods add to it.
     pub fn new(
         device: &str,
         command: impl Into<Box<str>>,
@@ -55,13 +55,13 @@ impl DeviceError {
         }
     }
 
-    /// Says what the user can do.
+    /// Sets the instruction for the user.
     pub fn remedy(mut self, remedy: impl Into<Box<str>>) -> Self {
         self.remedy = remedy.into();
         self
     }
 
-    /// Says what the caller can do.
+    /// Sets the class.
     pub fn class(mut self, class: Class) -> Self {
         self.class = class;
         self

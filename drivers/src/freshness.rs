@@ -1,29 +1,29 @@
-//! A frame is fresh or it is not used.
+//! Rule for fresh frames: a frame that is not fresh is not used.
 //!
-//! Cameras queue frames, and adopt a changed setting only some frames later. So a frame may show the bench as it was
-//! before the last change. The rule: the whole exposure must lie after the change and its settling, and the
-//! camera's control lag must have passed, counted in frames, since frames of the old exposure may take longer.
+//! Cameras queue frames and apply a changed setting only some frames later. A frame may therefore show the bench before
+//! the last change. Two conditions must hold. The whole exposure must lie after the change and its settling. The
+//! camera's control lag must have passed, counted in frames, since frames with the old exposure may take longer.
 
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// What a camera says about a frame.
+/// Sequence number and time of a frame, as reported by the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stamp {
-    /// Counts frames the camera made, including those nobody took.
+    /// Number of the frame, including frames that were not read.
     pub sequence: u64,
     /// End of readout, on the bench's clock.
     pub timestamp: Duration,
 }
 
-/// Which frames show the bench as it is now.
+/// Condition for frames that show the present state of the bench.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Freshness {
-    /// When stage, light and display were done changing, settling included.
+    /// Time at which stage, light and display had finished changing, settling included.
     pub steady_since: Duration,
-    /// First frame that has the camera's controls.
+    /// First frame with the camera's present controls.
     pub first_sequence: u64,
-    /// Exposure and readout with these controls: from a frame's start to its timestamp.
+    /// Exposure plus readout with these controls: from a frame's start to its timestamp.
     pub duration: Duration,
 }
 
@@ -37,8 +37,8 @@ impl Freshness {
         adopted && stamp.timestamp.saturating_sub(self.duration) >= self.steady_since
     }
 
-    /// First frame that is sure to have controls that were set at `set_at`, seen from `frame`, the first that ended
-    /// later: it was in progress, and `lag` more may follow with the old controls. None for frames that ended earlier.
+    /// First frame that certainly has the controls set at `set_at`. `frame` is the first frame that ended later: it was
+    /// in progress, and up to `lag` more may follow with the old controls. `None` for frames that ended earlier.
     pub fn first_with_controls(frame: Stamp, set_at: Duration, lag: u32) -> Option<u64> {
         (frame.timestamp > set_at).then(|| frame.sequence + 1 + u64::from(lag))
     }

@@ -1,6 +1,6 @@
-//! Devices on their own threads, behind the same traits: what the engine is given.
+//! Devices on their own threads, behind the device traits: the interface to the engine.
 //!
-//! Each call has a limit: the time that the device should need, and [`MARGIN`].
+//! Each call has a time limit: the nominal time of the device plus [`MARGIN`].
 
 use crate::actor::{Actor, Connect, Patience};
 use crate::{
@@ -10,10 +10,10 @@ use crate::{
 use async_trait::async_trait;
 use std::time::Duration;
 
-/// What a device may take beyond its nominal time. A simulated one renders meanwhile.
+/// Allowance beyond a device's nominal time, within which a simulated device renders.
 pub const MARGIN: Duration = Duration::from_secs(60);
 
-/// A device with what it says of itself.
+/// A device with its description.
 pub struct Handle<D: ?Sized, Info> {
     actor: Actor<D>,
     info: Info,
@@ -23,7 +23,7 @@ pub struct Handle<D: ?Sized, Info> {
 pub type StageHandle = Handle<dyn Stage, StageInfo>;
 /// A camera on its own thread.
 pub type CameraHandle = Handle<dyn Camera, CameraInfo>;
-/// A panel on its own thread.
+/// A display on its own thread.
 pub type DisplayHandle = Handle<dyn Display, DisplayInfo>;
 /// A flash on its own thread.
 pub type FlashHandle = Handle<dyn Flash, FlashInfo>;
@@ -34,9 +34,8 @@ macro_rules! start {
     ($device:ident, $info:ident, $what:literal) => {
         impl Handle<dyn $device, $info> {
             #[doc = concat!("Connects ", $what, ".")]
-            ///
             /// # Errors
-            /// As `connect` answers.
+            /// As `connect`.
             pub async fn start(connect: Connect<dyn $device>, patience: Patience) -> DeviceResult<Self> {
                 let (actor, info) = Actor::start(connect, |d| d.describe().id, |d| d.describe(), patience).await?;
                 Ok(Self { actor, info })
@@ -81,7 +80,7 @@ impl Stage for StageHandle {
 }
 
 impl CameraHandle {
-    /// Frames of the longest exposure may still be on their way.
+    /// Frames of the longest exposure may still be in the queue.
     fn limit(&self) -> Duration {
         MARGIN + Duration::from_secs_f64((2.0 * self.info.exposure_s[1] + self.info.readout_s).clamp(0.0, 1e6))
     }

@@ -1,5 +1,4 @@
-//! HID devices at the level of reports: on a device node, or on a socket where an emulated device answers (see
-//! [`crate::seam`]).
+//! HID devices at the report level: on a device node, or on the socket of an emulated device (see [`crate::seam`]).
 
 use crate::discovery::{Access, HidNode, Root, check, hid_nodes};
 use crate::seam::{self, Seam, Transfer};
@@ -8,15 +7,16 @@ use std::ffi::CString;
 use std::io;
 use std::path::Path;
 
-/// Longest report.
+/// Maximum length of a report.
 pub const MAX_REPORT: usize = 1024;
 
-/// A device that takes and gives reports. The first byte of each report is its number, 0 if the device numbers none.
+/// A device that exchanges reports. The first byte of each report is its ID, 0 if the device does not number its
+/// reports.
 pub trait Reports: Send {
     /// Sends an output report.
     ///
     /// # Errors
-    /// `Lost` when the device is gone or silent, `Retry` when it refuses.
+    /// `Lost` if the device is gone or silent, `Retry` if it refuses.
     fn write(&mut self, report: &[u8]) -> DeviceResult<()>;
 
     /// Sends a feature report.
@@ -25,7 +25,7 @@ pub trait Reports: Send {
     /// As [`Reports::write`].
     fn set_feature(&mut self, report: &[u8]) -> DeviceResult<()>;
 
-    /// Gets the feature report of this number; returns its length.
+    /// Reads the feature report of this ID; returns its length.
     ///
     /// # Errors
     /// As [`Reports::write`].
@@ -35,7 +35,7 @@ pub trait Reports: Send {
 /// Opens a device by its path: a node such as `/dev/hidraw0`, or `unix:/path`.
 ///
 /// # Errors
-/// `Setup` when it is not there or may not be opened; the message says what to do.
+/// `Setup` if the device is missing or may not be opened; the message contains the remedy.
 pub fn open(device: &str, path: &str) -> DeviceResult<Box<dyn Reports>> {
     if let Some(socket) = path.strip_prefix(seam::PREFIX) {
         let seam = Seam::open(Path::new(socket)).map_err(|e| {
@@ -62,16 +62,16 @@ fn cannot_open(device: &str, path: &str, got: String) -> DeviceError {
     DeviceError::new(device, format!("open {path}"), "a device that may be opened", got).class(Class::Setup)
 }
 
-/// Nodes of devices with these numbers, whose name contains `name`; none where there is no HID at all.
+/// Nodes of devices with these IDs whose name contains `name`; none if the kernel lacks HID.
 pub fn find(root: &Root, numbers: (u16, u16), name: &str) -> Vec<HidNode> {
     let fits = |hid: &HidNode| (hid.vendor, hid.product) == numbers && hid.name.contains(name);
     hid_nodes(root).into_iter().filter(fits).collect()
 }
 
-/// The one of several.
+/// The only element of a list of candidates.
 ///
 /// # Errors
-/// `Setup` when there is none or more than one; `named` says how each is called in the settings.
+/// `Setup` if there is none or more than one; `named` gives the name of each in the settings.
 pub fn only<T>(device: &str, mut found: Vec<T>, named: impl Fn(&T) -> String) -> DeviceResult<T> {
     let wrong = |got: String, remedy: String| {
         Err(DeviceError::new(device, "find it", "one device", got).remedy(remedy).class(Class::Setup))
@@ -95,7 +95,7 @@ struct Hidraw {
 }
 
 impl Hidraw {
-    /// The library gives most errors as text alone.
+    /// The library reports most errors as text only.
     fn checked<T>(&self, command: &str, result: hidapi::HidResult<T>) -> DeviceResult<T> {
         result.map_err(|error| {
             let text = error.to_string();

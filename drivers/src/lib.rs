@@ -1,7 +1,7 @@
-//! Devices of a bench: what they can be asked for, how they fail, their time, and the rule for fresh frames.
+//! Device drivers of a bench: traits, errors, clock, and the rule for fresh frames.
 //!
-//! Each family of devices has a folder; the enumerations `StageDriver`, `CameraDriver`, `DisplayDriver` and `FlashDriver` list
-//! them. The simulated bench implements the same traits.
+//! Each device family has a folder; the enumerations `StageDriver`, `CameraDriver`, `DisplayDriver` and `FlashDriver`
+//! list the drivers. The simulated bench implements the same traits.
 
 pub mod actor;
 pub mod camera;

@@ -1,5 +1,5 @@
-//! One process per device: a lock per stable device id that names its holder. All users of the machine share the locks, since
-//! they share the devices.
+//! Exclusive access to a device: a lock file per stable device ID, which names its holder. All users of the machine
+//! share the locks, since they share the devices.
 
 use crate::{Class, DeviceError, DeviceResult};
 use std::fs::{File, OpenOptions, Permissions, TryLockError};
@@ -7,18 +7,18 @@ use std::io::{ErrorKind, Read, Seek, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-/// Holds a device until dropped; the system releases it also when the process is killed.
+/// Lock on a device until dropped. The system also releases it when the process is killed.
 pub struct DeviceLock {
-    /// The open file is the lock.
+    /// The open file holds the lock.
     file: File,
     path: PathBuf,
 }
 
 impl DeviceLock {
-    /// Takes the lock of the device `id`. `place` tells apart devices of one id on different benches.
+    /// Locks the device `id`. `place` distinguishes devices of the same ID on different benches.
     ///
     /// # Errors
-    /// `Setup`, naming the holder, when another process has it; `Setup` when locks cannot be made.
+    /// `Setup` with the holder's name if another process holds the lock; `Setup` if locks cannot be created.
     pub fn take(id: &str, place: &str) -> DeviceResult<Self> {
         let folder = lock_folder();
         let path = folder.join(file_name(id, place));
@@ -36,7 +36,7 @@ impl DeviceLock {
                 Err(TryLockError::Error(e)) => return Err(cannot(e)),
             }
             let lock = Self { file, path: path.clone() };
-            // Whoever had it may have removed the file between the two steps.
+            // The previous holder may have removed the file between opening and locking.
             if lock.is_in_place() {
                 lock.name_holder();
                 return Ok(lock);
@@ -44,22 +44,22 @@ impl DeviceLock {
         }
     }
 
-    /// Whether the path still leads to the file that is locked.
+    /// Whether the path still refers to the locked file.
     fn is_in_place(&self) -> bool {
         let [held, there] = [self.file.metadata(), std::fs::symlink_metadata(&self.path)];
         matches!((held, there), (Ok(held), Ok(there)) if (held.dev(), held.ino()) == (there.dev(), there.ino()))
     }
 
-    /// A file of another user that may only be read is a lock all the same, without its holder's name.
+    /// A read-only file of another user is a valid lock, but cannot name its holder.
     fn name_holder(&self) {
         let mut file = &self.file;
         let _ =
             file.set_len(0).and_then(|()| file.rewind()).and_then(|()| write!(file, "process {}", std::process::id()));
     }
 
-    /// Who holds the device now.
+    /// Present holder of the device.
     pub fn holder(id: &str, place: &str) -> Option<String> {
-        // Everybody may add to the folder, also a pipe, which is not to be waited for.
+        // Any user may create files in the folder. A pipe must not block the open.
         let flags = (rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK).bits().cast_signed();
         let place = lock_folder().join(file_name(id, place));
         let mut file = OpenOptions::new().read(true).custom_flags(flags).open(place).ok()?;
@@ -71,10 +71,10 @@ impl DeviceLock {
 }
 
 impl Drop for DeviceLock {
-    /// Removes the file while it is still locked, so that nobody else's is removed.
+    /// Removes the file while it is still locked, so that no other process's lock is removed.
     fn drop(&mut self) {
         if self.is_in_place() {
-            // A file of another user stays.
+            // A file of another user cannot be removed and stays.
             let _ = std::fs::remove_file(&self.path);
         }
     }
@@ -92,14 +92,14 @@ fn taken(id: &str, holder: &str) -> DeviceError {
         .class(Class::Setup)
 }
 
-/// Where Linux keeps locks of devices; not what a user's environment says, which differs between users.
+/// Linux's folder for device locks. Environment variables are ignored, since they differ between users.
 fn lock_folder() -> PathBuf {
     let locks = Path::new("/run/lock/nacre");
-    // Some systems let root alone add to it.
+    // On some systems only root may write to it.
     if make_folder(locks).is_ok() { locks.into() } else { "/tmp/nacre-locks".into() }
 }
 
-/// Like /tmp: everybody may add files, and nobody remove those of others.
+/// Permissions as for /tmp: any user may add files, and nobody may remove those of others.
 fn make_folder(folder: &Path) -> std::io::Result<()> {
     match std::fs::create_dir(folder) {
         Ok(()) => std::fs::set_permissions(folder, Permissions::from_mode(0o1777)),
@@ -108,8 +108,8 @@ fn make_folder(folder: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Opens a lock file, made by whoever came first. The kernel refuses to "create" a file of another user in such a folder, so
-/// that is tried last; links are not followed.
+/// Opens a lock file, which another user may have created. The kernel refuses `O_CREAT` on another user's file in such
+/// a folder, so creation is tried last. Symbolic links are not followed.
 fn open(path: &Path) -> std::io::Result<File> {
     let plain = || {
         let mut options = OpenOptions::new();
@@ -122,7 +122,7 @@ fn open(path: &Path) -> std::io::Result<File> {
             let made = plain().write(true).create_new(true).open(path);
             match made {
                 Ok(file) => file.set_permissions(Permissions::from_mode(0o666)).map(|()| file),
-                // Somebody else was first.
+                // Another process was first.
                 Err(_) => plain().write(true).open(path),
             }
         }
@@ -130,7 +130,7 @@ fn open(path: &Path) -> std::io::Result<File> {
     }
 }
 
-/// Readable, and different for different devices: what is no letter or digit is written as its bytes.
+/// A readable and unique file name: characters other than letters and digits are written as their bytes.
 fn file_name(id: &str, place: &str) -> PathBuf {
     let plain = |text: &str| -> String {
         text.bytes()
@@ -138,7 +138,7 @@ fn file_name(id: &str, place: &str) -> PathBuf {
             .collect()
     };
     let name = if place.is_empty() { plain(id) } else { format!("{}@{}", plain(id), plain(place)) };
-    // Longest names that file systems take are 255 bytes.
+    // File systems limit names to 255 bytes.
     Path::new(&name[name.len().saturating_sub(200)..]).with_extension("lock")
 }
 

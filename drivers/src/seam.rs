@@ -1,17 +1,23 @@
-//! The seam where emulated USB devices attach: a Unix socket in place of a device node, given as `unix:/path`.
+//! Transport for emulated USB devices: a Unix socket in place of a device node, given as `unix:/path`.
 //!
-//! Each transfer is one frame, and is answered by one:
+//! Each transfer is a request frame followed by an answer frame.
 //!
-//! | byte | request | answer |
-//! |---|---|---|
-//! | 0 | 1 output report, 2 set a feature report, 3 get one (payload: its id, then how many bytes are wanted, 16 bits), 4 bulk out, 5 bulk in (payload: how many bytes are wanted, 16 bits) | 0 done, 1 refused (a stalled transfer), 2 nothing came in time |
-//! | 1 | a tag | the same tag; others are dropped |
-//! | 2-3 | length of the payload, 16 bits, at most 4096 | the same |
-//! | 4… | payload | payload |
+//! Byte 0 of a request is its kind:
+//! - 1: output report
+//! - 2: set a feature report
+//! - 3: get a feature report (payload: its ID, then the number of bytes, 16 bits)
+//! - 4: bulk out
+//! - 5: bulk in (payload: the number of bytes, 16 bits)
 //!
-//! Numbers have their low byte first. The emulated device ends the wait of a transfer that it does not answer, and closes the link after
-//! half an answer, so that how long anything takes does not decide how it ends. As on USB, no transfer remembers the one before: after an error, the next one
-//! connects again.
+//! Byte 0 of an answer is its status: 0 done, 1 refused (a stalled transfer), 2 timeout. The other bytes of both frames
+//! are:
+//! - byte 1: a tag, which the answer repeats; answers with other tags are dropped
+//! - bytes 2-3: length of the payload, 16 bits, at most 4096
+//! - bytes 4…: payload
+//!
+//! Numbers are little endian. The emulated device reports a timeout explicitly, and closes the link after an incomplete
+//! answer, so that results do not depend on timing. As on USB, transfers are independent: after an error, the next one
+//! reconnects.
 
 use crate::{Class, DeviceError};
 use std::io::{self, Read, Write};
@@ -19,19 +25,19 @@ use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What a path of an emulated device begins with.
+/// Prefix of an emulated device's path.
 pub const PREFIX: &str = "unix:";
 
-/// Longest payload.
+/// Maximum payload in bytes.
 pub const MAX_PAYLOAD: usize = 4096;
 
-/// A transfer has failed after this long without an answer: the other end hangs.
+/// Time limit of a transfer, after which the other end counts as hung.
 const SILENCE: Duration = Duration::from_secs(60);
 
-/// An answer with this status says that nothing came in time.
+/// Answer status: timeout.
 const NOTHING: u8 = 2;
 
-/// A transfer.
+/// Kind of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Transfer {
     Output = 1,
@@ -41,7 +47,7 @@ pub(crate) enum Transfer {
     BulkIn = 5,
 }
 
-/// A link to an emulated device.
+/// Connection to an emulated device.
 pub(crate) struct Seam {
     path: PathBuf,
     stream: Option<UnixStream>,
@@ -50,13 +56,13 @@ pub(crate) struct Seam {
 }
 
 impl Seam {
-    /// Connects.
+    /// Opens the connection.
     pub fn open(path: &Path) -> io::Result<Self> {
         let stream = Some(connect(path)?);
         Ok(Self { path: path.into(), stream, tag: 0, silence: SILENCE })
     }
 
-    /// Carries a transfer out; returns the answer's payload.
+    /// Executes a transfer; returns the answer's payload.
     pub fn transfer(&mut self, kind: Transfer, payload: &[u8]) -> io::Result<Vec<u8>> {
         let mut stream = match self.stream.take() {
             Some(stream) => stream,
@@ -75,7 +81,7 @@ fn connect(path: &Path) -> io::Result<UnixStream> {
     Ok(stream)
 }
 
-/// The answer's payload; None if the device refuses.
+/// Payload of the answer; `None` if the device refuses.
 fn exchange(
     stream: &mut UnixStream,
     kind: Transfer,
@@ -110,7 +116,7 @@ fn exchange(
     }
 }
 
-/// Fills the buffer until a time, however the bytes trickle in.
+/// Fills the buffer until a deadline, with as many reads as needed.
 fn read(stream: &mut UnixStream, mut buffer: &mut [u8], until: Instant) -> io::Result<()> {
     while !buffer.is_empty() {
         let left = until.saturating_duration_since(Instant::now());
@@ -128,7 +134,8 @@ fn read(stream: &mut UnixStream, mut buffer: &mut [u8], until: Instant) -> io::R
     Ok(())
 }
 
-/// A failed transfer as a device error: refused ones may work again, after others the link is not to be trusted.
+/// Converts a failed transfer into a device error. A refused transfer may be repeated; after other errors the link
+/// counts as lost.
 pub(crate) fn failed(device: &str, command: &str, error: &io::Error) -> DeviceError {
     let (got, class) = match error.kind() {
         io::ErrorKind::InvalidInput => ("a refusal".into(), Class::Retry),
@@ -146,7 +153,7 @@ mod tests {
     use proptest::prelude::*;
     use std::os::unix::net::UnixListener;
 
-    /// What a transfer makes of an answer of any bytes, after which the other end is gone.
+    /// Result of a transfer whose answer consists of arbitrary bytes, followed by a disconnection.
     fn answered(bytes: &[u8]) -> io::Result<Vec<u8>> {
         let folder = tempfile::tempdir()?;
         let path = folder.path().join("socket");

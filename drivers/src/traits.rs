@@ -1,7 +1,7 @@
-//! The devices of a bench, as the capture engine sees them.
+//! The devices of a bench, as seen by the capture engine.
 //!
-//! Every call ends: with what the device reports of itself afterwards, or with an error. A device that reports something
-//! else than it was asked for is not believed; the engine compares. Angles are degrees, times are on the bench's clock.
+//! Every call returns the device's own report of its state, or an error. The engine compares the report with the
+//! request. Angles are in degrees, times are on the bench's clock.
 
 use crate::{DeviceResult, Freshness, Stamp};
 use async_trait::async_trait;
@@ -17,9 +17,9 @@ pub trait Stage: Send {
     async fn home(&mut self) -> DeviceResult<Arrived>;
     /// Moves to an absolute angle; returns once the stage stands still.
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived>;
-    /// Ends a movement whose call was dropped. One that cannot be cut short ([`StageInfo::halts`]) is waited for.
+    /// Stops a movement whose call was dropped, or waits for its end if it cannot be stopped ([`StageInfo::halts`]).
     async fn halt(&mut self) -> DeviceResult<()>;
-    /// Where it stands.
+    /// Present angle.
     async fn position(&mut self) -> DeviceResult<f64>;
 }
 
@@ -28,27 +28,28 @@ pub trait Stage: Send {
 pub trait Camera: Send {
     /// Identity and limits.
     fn describe(&self) -> CameraInfo;
-    /// Sets exposure and gain, and reads back what the camera made of them.
+    /// Sets exposure and gain, and reads back the values in force.
     async fn configure(&mut self, exposure: Duration, gain: f64) -> DeviceResult<Controls>;
-    /// Closes or opens the shutter; returns when that was done.
+    /// Closes or opens the shutter; returns the time of completion.
     async fn cover(&mut self, closed: bool) -> DeviceResult<Duration>;
-    /// The next frame in the camera's queue, however old; waits for one if there is none. A frame that is not fresh
-    /// may come without its codes, which spares decoding what is dropped.
+    /// The next frame in the camera's queue, regardless of its age; waits if the queue is empty. A frame that is not
+    /// fresh may lack its codes, which saves decoding.
     async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame>;
 }
 
-/// The LCD panel.
+/// The display (LCD).
 #[async_trait]
 pub trait Display: Send {
     /// Identity and limits.
     fn describe(&self) -> DisplayInfo;
-    /// Shows a pattern; returns once it can be seen.
+    /// Shows a pattern; returns once it is visible.
     async fn show(&mut self, pattern: Pattern) -> DeviceResult<Shown>;
-    /// Sees to it that it gives no light. Unlike black that is shown, this need not be visible: a panel that nobody sees is dark.
+    /// Ensures that the display emits no light. Unlike a black pattern this needs no confirmation on the screen: a
+    /// hidden display page is dark.
     async fn dark(&mut self) -> DeviceResult<Shown> {
         self.show(Pattern::Black).await
     }
-    /// That what was shown last can still be seen, for those that others may cover.
+    /// Checks that the last pattern is still visible, for displays that other programs may cover.
     async fn still_shows(&mut self) -> DeviceResult<()> {
         Ok(())
     }
@@ -65,73 +66,73 @@ pub trait Flash: Send {
     async fn is_on(&mut self) -> DeviceResult<bool>;
 }
 
-/// A level that must hold while anything moves or shines: a door switch, an emergency stop.
+/// A level that must hold during any motion or light: a door switch, an emergency stop.
 #[async_trait]
 pub trait Interlock: Send {
     /// Identity.
     fn describe(&self) -> InterlockInfo;
-    /// The level now, and how often it changed.
+    /// Present level, and number of changes.
     async fn level(&mut self) -> DeviceResult<Level>;
 }
 
-/// What a panel shows.
+/// Pattern on a display.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pattern {
-    /// Nothing.
+    /// Black.
     Black,
     /// A white disc.
     Disc {
-        /// Its middle, from the panel's middle to the right and up, in mm.
+        /// Centre in mm, from the display's centre to the right and up.
         center_mm: [f64; 2],
-        /// Its diameter in mm.
+        /// Diameter in mm.
         diameter_mm: f64,
     },
-    /// Stripes over the whole panel: luminance (1 + cos 2π(f · x + phase)) / 2 of white. Without any frequency f it is even: white at
-    /// phase 0, half of that at a quarter.
+    /// Fringes over the whole display: luminance (1 + cos 2π(f · x + phase)) / 2 of white. With f = 0 the display is
+    /// uniform: white at phase 0, half of that at a quarter.
     Fringes {
         /// Spatial frequency to the right and up, in cycles per mm.
         cycles_per_mm: [f64; 2],
-        /// Phase at the panel's middle in cycles.
+        /// Phase at the display's centre in cycles.
         phase: f64,
-        /// Exponent that the panel is taken to have where nothing better is known: it is sent luminance^(1/gamma).
+        /// Assumed exponent (gamma) of a display without a known tone curve: the code is luminance^(1/gamma).
         gamma: f64,
     },
 }
 
-/// The stage stands still.
+/// Report of a stage that stands still.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Arrived {
-    /// Since when, settling included.
+    /// Start of standstill, settling included.
     pub since: Duration,
-    /// Where, as it reports.
+    /// Reported angle in degrees.
     pub angle_deg: f64,
 }
 
-/// The panel acknowledges a pattern.
+/// A display's acknowledgement of a pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shown {
-    /// Since when it can be seen.
+    /// Time since which the pattern is visible.
     pub since: Duration,
-    /// The pattern it says that it shows.
+    /// Pattern as reported by the display.
     pub pattern: Pattern,
 }
 
-/// The flash was switched.
+/// Report of a switched flash.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Switched {
-    /// Since when the light is steady.
+    /// Time since which the light is steady.
     pub since: Duration,
-    /// Its state as read back.
+    /// State as read back.
     pub on: bool,
 }
 
 /// Level of an interlock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Level {
-    /// Whether it holds now.
+    /// Whether it holds at present.
     pub holds: bool,
-    /// How often it changed so far, so that a short opening is not missed.
+    /// Number of changes so far, so that a brief opening is not missed.
     pub changes: u64,
 }
 
@@ -146,80 +147,80 @@ pub struct Controls {
     pub set_at: Duration,
 }
 
-/// One frame: codes of one channel, row-major, row 0 on top.
+/// One frame: codes of one channel, row-major, row 0 at the top.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// Sequence number and timestamp.
     pub stamp: Stamp,
-    /// Pixels per row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
-    /// The driver says that the frame is damaged.
+    /// Whether the driver flags the frame as damaged.
     pub damaged: bool,
-    /// Codes; none if the frame is not fresh.
+    /// Codes; empty if the frame is not fresh.
     pub codes: Vec<u16>,
 }
 
-/// What a stage is and can do.
+/// Identity and limits of a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageInfo {
-    /// Stable identity: kind and serial number.
+    /// Stable identity: model and serial number.
     pub id: String,
     /// Speed in degrees per second.
     pub speed_deg_s: f64,
-    /// Time to stand still after a move.
+    /// Settling time after a move in s.
     pub settling_s: f64,
-    /// Lowest and highest angle that it may be sent to.
+    /// Lowest and highest permitted angle in degrees.
     pub limits_deg: [f64; 2],
-    /// A reported angle may differ from the asked one by this much.
+    /// Largest accepted difference between reported and requested angle in degrees.
     pub tolerance_deg: f64,
-    /// Angles are approached from this far below, so that backlash has no say; 0 for straight moves.
+    /// Distance below the target from which angles are approached, against backlash; 0 for direct moves.
     pub approach_deg: f64,
-    /// The longest that a movement may take, with homing before it.
+    /// Maximum time of a movement in s, including homing before it.
     pub longest_s: f64,
-    /// A movement can be cut short.
+    /// Whether a movement can be stopped.
     pub halts: bool,
-    /// A person turns it, so a move takes as long as it takes.
+    /// Whether a person turns it, so that a move may take arbitrarily long.
     pub by_hand: bool,
 }
 
-/// What a camera is and can do.
+/// Identity and limits of a camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraInfo {
-    /// Stable identity: kind and serial number.
+    /// Stable identity: model and serial number.
     pub id: String,
-    /// Pixels per row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
-    /// Shortest and longest exposure in seconds.
+    /// Shortest and longest exposure in s.
     pub exposure_s: [f64; 2],
-    /// Exposure in force before anything is set.
+    /// Exposure in force before any is set, in s.
     pub exposure_now_s: f64,
     /// Lowest and highest gain.
     pub gain: [f64; 2],
-    /// Code of no light.
+    /// Code of black.
     pub black: u16,
     /// Code of a saturated pixel.
     pub white: u16,
-    /// Readout time in seconds.
+    /// Readout time in s.
     pub readout_s: f64,
-    /// Frames until changed controls act, as measured.
+    /// Frames until changed controls take effect, as measured.
     pub control_lag_frames: u32,
     /// Whether it has a shutter that can be closed.
     pub shutter: bool,
-    /// Electrons that make a pixel white at gain 1, where known.
+    /// Full-well capacity at gain 1 in electrons, if known.
     pub full_scale_e: Option<f64>,
-    /// Read noise in electrons, where known.
+    /// Read noise in electrons, if known.
     pub read_noise_e: Option<f64>,
-    /// Exposures in seconds that suit the panel: whole periods of its refresh, where that is known.
+    /// Exposures in s that are whole refresh periods of the display; empty if its refresh rate is unknown.
     pub steady_exposures_s: Vec<f64>,
-    /// What the user should know: a lossy format, what the camera goes on doing by itself.
+    /// Warnings for the user: a lossy format, automatic functions that cannot be disabled.
     pub warnings: Vec<String>,
 }
 
-/// What a panel is and can do.
+/// Identity and size of a display.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DisplayInfo {
     /// Stable identity.
@@ -228,18 +229,18 @@ pub struct DisplayInfo {
     pub size_mm: [f64; 2],
 }
 
-/// What a flash is and can do.
+/// Identity and limits of a flash.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FlashInfo {
     /// Stable identity.
     pub id: String,
-    /// Time from the command until the light is steady.
+    /// Time from the command until the light is steady, in s.
     pub settling_s: f64,
-    /// It must not be on for longer than this at a time.
+    /// Maximum continuous on-time in s.
     pub max_on_s: f64,
 }
 
-/// What an interlock is.
+/// Identity of an interlock.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InterlockInfo {
     /// Stable identity.
@@ -247,16 +248,16 @@ pub struct InterlockInfo {
 }
 
 impl Pattern {
-    /// Half the width and height that it needs around the panel's middle, in mm.
+    /// Half the width and height that the pattern requires around the display's centre, in mm.
     pub fn reach_mm(&self) -> [f64; 2] {
         match self {
-            // Whatever its size, the panel is full of fringes.
+            // Fringes fill a display of any size.
             Self::Black | Self::Fringes { .. } => [0.0, 0.0],
             Self::Disc { center_mm, diameter_mm } => center_mm.map(|c| c.abs() + 0.5 * diameter_mm),
         }
     }
 
-    /// Luminance of fringes at a place, from the panel's middle to the right and up in mm: 0 to 1.
+    /// Relative luminance of fringes, 0 to 1, at a position in mm from the display's centre to the right and up.
     pub fn fringe([fx, fy]: [f64; 2], phase: f64, [x, y]: [f64; 2]) -> f64 {
         0.5 + 0.5 * (std::f64::consts::TAU * (fx * x + fy * y + phase)).cos()
     }

@@ -1,4 +1,4 @@
-//! Where a device is plugged in, and plugging it out and in again by software.
+//! USB port of a device, and a reset that replaces unplugging.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ pub fn sysfs_device(class: &str, node: &Path) -> Option<PathBuf> {
     Path::new("/sys/class").join(class).join(node.file_name()?).join("device").canonicalize().ok()
 }
 
-/// The USB device that `place` in sysfs belongs to: the nearest folder above with a USB address.
+/// The USB device that `place` in sysfs belongs to: the nearest parent folder with a USB address.
 fn usb_device(place: &Path) -> Option<&Path> {
     place.ancestors().take(32).find(|folder| folder.join("busnum").is_file() && folder.join("devnum").is_file())
 }
@@ -18,8 +18,7 @@ fn attribute(device: &Path, name: &str) -> Option<String> {
     (!text.is_empty()).then_some(text)
 }
 
-/// Vendor, product and serial number of the USB device at `place` in sysfs; the place on the bus stands in for a serial
-/// number that it does not have.
+/// Vendor, product and serial number of the USB device at `place` in sysfs. The port replaces a missing serial number.
 pub fn usb_identity(place: &Path) -> Option<String> {
     let device = usb_device(place)?;
     let serial = attribute(device, "serial")
@@ -34,10 +33,10 @@ pub fn usb_address(place: &Path) -> Option<(u8, u8)> {
     Some((attribute(device, "busnum")?.parse().ok()?, attribute(device, "devnum")?.parse().ok()?))
 }
 
-/// Resets a USB device, which then is found anew.
+/// Resets a USB device, which is then enumerated again.
 ///
 /// # Errors
-/// Why that cannot be done, for the user.
+/// The reason for the user, if that is not possible.
 pub fn reset((bus, address): (u8, u8)) -> Result<(), String> {
     use rusb::UsbContext;
     let why = |e: rusb::Error| match e {
@@ -47,7 +46,7 @@ pub fn reset((bus, address): (u8, u8)) -> Result<(), String> {
     let devices = rusb::Context::new().and_then(|context| context.devices()).map_err(why)?;
     let found = devices.iter().find(|d| (d.bus_number(), d.address()) == (bus, address));
     match found.ok_or("it is no longer on its USB bus")?.open().and_then(|handle| handle.reset()) {
-        // It has a new address, which is what is wanted.
+        // The device has a new address, as intended.
         Ok(()) | Err(rusb::Error::NotFound | rusb::Error::NoDevice) => Ok(()),
         Err(e) => Err(why(e)),
     }

@@ -1,7 +1,7 @@
-//! The KMS panel on a real kernel: what the graphics card sends out is what was drawn.
+//! The KMS display on a real kernel: the graphics card's output must match the drawn picture.
 //!
-//! NACRE_TEST_OUTPUT names an output that may be drawn on, NACRE_TEST_FOLDER a folder shared with whoever takes pictures
-//! of the screen: for each `N.ppm` that appears there, it answers with `N.taken`. `tests/lab/run` does so.
+//! NACRE_TEST_OUTPUT names an output that may be drawn on, NACRE_TEST_FOLDER a folder shared with a program that takes
+//! pictures of the screen. For each `N.ppm` in it the test answers with `N.taken`. `tests/lab/run` does so.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
 
 use nacre_drivers::display::kms::{self, Geometry, Settings, Tone, draw};
@@ -13,7 +13,7 @@ use std::time::Duration;
 fn write_ppm(path: &Path, pixels: &[u32], [width, height]: [usize; 2]) {
     let mut bytes = format!("P6\n{width} {height}\n255\n").into_bytes();
     bytes.extend(pixels.iter().flat_map(|p| [(p >> 16) as u8, (p >> 8) as u8, *p as u8]));
-    // It appears whole.
+    // The rename makes the file appear complete.
     let unfinished = path.with_extension("part");
     std::fs::write(&unfinished, bytes).unwrap();
     std::fs::rename(unfinished, path).unwrap();

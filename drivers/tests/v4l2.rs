@@ -1,7 +1,7 @@
 //! The V4L2 driver on a real kernel: its virtual camera (`modprobe vivid`), and a USB camera, simulated or real.
 //!
-//! Without them the tests skip; those of a USB camera, which they reset, also without NACRE_TEST_USB_CAMERA.
-//! `tests/lab/run` boots a kernel that has both.
+//! The tests are skipped without these cameras. Tests of a USB camera reset it, so they also need
+//! NACRE_TEST_USB_CAMERA. `tests/lab/run` boots a kernel that has both.
 #![cfg(feature = "v4l2")]
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
 
@@ -16,10 +16,10 @@ static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 const SIZE: [u32; 2] = [640, 360];
 
-/// A device of this kernel driver, and nobody else at it.
+/// A device of this kernel driver, with exclusive use.
 fn device(driver: &str) -> Option<(String, MutexGuard<'static, ()>)> {
     let one = ONE_AT_A_TIME.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    // Somebody's own camera is not meddled with unless asked.
+    // A user's camera is only touched on request.
     let may = driver == "vivid" || std::env::var_os("NACRE_TEST_USB_CAMERA").is_some();
     let found = node(driver).filter(|_| may);
     if found.is_none() {
@@ -40,7 +40,7 @@ fn node(driver: &str) -> Option<String> {
     Some(format!("/dev/{}", found.file_name()?.to_string_lossy()))
 }
 
-/// Sets a control by its name, written as `v4l2-ctl` writes it.
+/// Sets a control by its `v4l2-ctl` name.
 fn control(device: &str, name: &str, value: i64) {
     let plain = |name: &str| name.to_lowercase().replace(|c: char| !c.is_alphanumeric(), "_");
     let node = v4l::Device::with_path(device).unwrap();
@@ -162,7 +162,7 @@ fn a_camera_that_is_pulled_out_is_lost_and_comes_back() {
     let error = (0..10).find_map(|_| next(&mut camera).err()).unwrap();
     println!("disconnected: {error}");
     assert_eq!(error.class, Class::Lost);
-    // The virtual camera comes back when nobody has it open.
+    // The virtual camera reappears once it is closed.
     drop(camera);
     let again = next(&mut open(&grey).unwrap()).unwrap().stamp;
     assert!(again.sequence > last.sequence && again.timestamp > last.timestamp);
@@ -208,7 +208,7 @@ fn a_usb_camera_that_is_reset_is_lost_and_comes_back() {
     assert!(after.is_none_or(|e| e.class == Class::Lost));
     let id = camera.describe().id;
     drop(camera);
-    // It may have another number now, which its name in /dev/v4l/by-id would follow.
+    // Its number may have changed; its name in /dev/v4l/by-id would follow.
     let mut camera = (0..50).find_map(|_| {
         std::thread::sleep(Duration::from_millis(400));
         let device = node("uvcvideo")?;

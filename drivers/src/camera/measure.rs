@@ -1,42 +1,42 @@
-//! Measurements on a camera under constant light: how many frames its controls lag, and whether it is linear.
+//! Camera measurements under constant light: control lag in frames, and linearity.
 //!
-//! Light must be constant and neither dark nor saturating; a panel's flicker is averaged out when exposures are multiples
-//! of its refresh ([`refresh_multiples`]).
+//! The light must be constant, above the dark level and below saturation. Exposures that are multiples of the display's
+//! refresh period average out its flicker ([`refresh_multiples`]).
 
 use crate::{Camera, Class, DeviceError, DeviceResult, Frame, Freshness};
 use std::time::Duration;
 
-/// Frames looked at after an exposure was changed.
+/// Frames examined after a change of the exposure.
 const WATCHED: u32 = 40;
-/// So many frames of the new level in a row are taken for the end of the old one.
+/// Consecutive frames at the new level that confirm the change.
 const SETTLED: u32 = 10;
-/// How often the exposure is changed.
+/// Number of exposure changes.
 const TOGGLES: u32 = 6;
-/// Frames that are averaged per exposure.
+/// Averaged frames per exposure.
 const AVERAGED: u32 = 3;
-/// A camera is linear when no level is further from its line than this part of itself.
+/// Largest deviation from the line, relative to the line's level, for which a camera counts as linear.
 pub const LINEARITY: f64 = 0.02;
-/// Most exposures offered.
+/// Maximum number of proposed exposures.
 const MAX_OFFERED: usize = 200;
 
-/// Levels against exposures, and the line through them.
+/// Mean levels against exposures, with the fitted line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ramp {
-    /// Exposure in seconds, as read back, and mean level above black.
+    /// Pairs of actual exposure in s and mean level above black.
     pub points: Vec<[f64; 2]>,
     /// Level per second.
     pub slope: f64,
-    /// Largest distance of a level from the line, as a part of the line's level.
+    /// Largest deviation of a level from the line, relative to the line's level.
     pub max_deviation: f64,
-    /// That is less than [`LINEARITY`].
+    /// Whether `max_deviation` is below [`LINEARITY`].
     pub linear: bool,
 }
 
-/// Counts the frames until a new exposure shows: the most of several changes from the first exposure to the second and
-/// back. The result is what [`crate::CameraInfo::control_lag_frames`] wants.
+/// Measures the number of frames until a new exposure takes effect: the maximum over several changes between two
+/// exposures. The result is the value for [`crate::CameraInfo::control_lag_frames`].
 ///
 /// # Errors
-/// As the camera answers; `Setup` when the light is too weak or too strong, or the camera does not obey.
+/// As the camera. `Setup` if the light is too weak or too strong, or if the camera does not apply the exposure.
 pub async fn control_lag(camera: &mut dyn Camera, exposures: [Duration; 2], gain: f64) -> DeviceResult<u32> {
     let mut levels = [0.0; 2];
     for (level, exposure) in levels.iter_mut().zip(exposures) {
@@ -56,7 +56,7 @@ pub async fn control_lag(camera: &mut dyn Camera, exposures: [Duration; 2], gain
     Ok(lag)
 }
 
-/// Frames with the old exposure, after the one that was in progress when it was changed.
+/// Number of frames with the old exposure, after the frame in progress at the change.
 async fn frames_until(
     camera: &mut dyn Camera,
     exposure: Duration,
@@ -66,7 +66,7 @@ async fn frames_until(
 ) -> DeviceResult<u32> {
     let set_at = camera.configure(exposure, gain).await?.set_at;
     let mut first = None;
-    // The last frame that was not yet near the new level, and how many are since.
+    // Number of the last frame away from the new level, and count of frames since.
     let (mut last_old, mut since) = (None, 0);
     for _ in 0..WATCHED {
         let frame = whole_frame(camera).await?;
@@ -83,7 +83,7 @@ async fn frames_until(
         }
     }
     match (first, last_old) {
-        // `first` was in progress; each one after it that is old counts.
+        // `first` was in progress; every later frame with the old exposure counts.
         (Some(first), Some(last)) => Ok(u32::try_from(last.saturating_sub(first)).unwrap_or(u32::MAX)),
         (Some(_), None) => Ok(0),
         (None, _) => {
@@ -92,10 +92,10 @@ async fn frames_until(
     }
 }
 
-/// Takes mean levels at these exposures and fits a line through black to them.
+/// Measures mean levels at these exposures and fits a line through black.
 ///
 /// # Errors
-/// As the camera answers; `Setup` for fewer than five exposures, and when too few of them have light without saturating.
+/// As the camera. `Setup` for fewer than five exposures, or if too few of them receive light without saturation.
 pub async fn exposure_ramp(camera: &mut dyn Camera, exposures: &[Duration], gain: f64) -> DeviceResult<Ramp> {
     let info = camera.describe();
     let top = 0.9 * f64::from(info.white.saturating_sub(info.black));
@@ -115,22 +115,22 @@ pub async fn exposure_ramp(camera: &mut dyn Camera, exposures: &[Duration], gain
     Ok(fit(points))
 }
 
-/// Line through the origin with the same relative weight for all points.
+/// Line through the origin, with equal relative weights.
 fn fit(points: Vec<[f64; 2]>) -> Ramp {
     let slope = points.iter().map(|[s, level]| level / s).sum::<f64>() / points.len() as f64;
     let max_deviation = points.iter().map(|[s, level]| (level / (slope * s) - 1.0).abs()).fold(0.0, f64::max);
     Ramp { points, slope, max_deviation, linear: max_deviation < LINEARITY }
 }
 
-/// Exposures in seconds within `range_s` that are whole periods of a panel refreshing at `hz`: all short ones, then ever
-/// sparser.
+/// Exposures in s within `range_s` that are whole periods of a display with refresh rate `hz`: all short ones, then
+/// increasingly sparse ones.
 pub fn refresh_multiples(hz: f64, range_s: [f64; 2]) -> Vec<f64> {
     if !(hz.is_finite() && hz > 0.0 && range_s[0] <= range_s[1]) {
         return Vec::new();
     }
     let within = |n: &f64| (range_s[0]..=range_s[1]).contains(&(n / hz));
     let grow = |n: &f64| Some((n * 1.1).ceil().max(n + 1.0));
-    // Rounding must not leave out a range's ends.
+    // Rounding must not exclude the ends of the range.
     let first = (range_s[0] * hz - 1e-9).ceil().max(1.0);
     std::iter::successors(Some(first), grow)
         .take(MAX_OFFERED)
@@ -146,7 +146,7 @@ async fn settled_level(camera: &mut dyn Camera, exposure: Duration, gain: f64) -
     average(camera).await
 }
 
-/// Drops frames until any lag that is still to be measured has passed.
+/// Drops frames until the longest possible lag has passed.
 async fn settle(camera: &mut dyn Camera, set_at: Duration) -> DeviceResult<()> {
     let mut after = 0;
     for _ in 0..WATCHED {
@@ -167,7 +167,7 @@ async fn average(camera: &mut dyn Camera) -> DeviceResult<f64> {
     Ok(sum / f64::from(AVERAGED))
 }
 
-/// A frame with its codes that is not damaged.
+/// Takes an undamaged frame with its codes.
 async fn whole_frame(camera: &mut dyn Camera) -> DeviceResult<Frame> {
     for _ in 0..WATCHED {
         let frame = camera.next_frame(Freshness::default()).await?;
@@ -220,7 +220,7 @@ mod tests {
     fn the_control_lag_is_counted() {
         for lag in [0, 1, 2, 5] {
             let exposures = [Duration::from_millis(5), Duration::from_millis(20)];
-            // The fake applies controls at the end of a frame, so the one in progress already has them.
+            // The fake applies controls at the end of a frame, so the frame in progress already has them.
             let measured = run(control_lag(&mut camera(lag, 1.0), exposures, 1.0));
             assert_eq!(measured, Ok((lag as u32).saturating_sub(1)), "{lag}");
         }

@@ -12,25 +12,25 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraConfig {
-    /// Which driver, with its settings.
+    /// Driver and its settings.
     pub driver: CameraDriver,
 }
 
-/// The drivers of cameras: one line each.
+/// Camera drivers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum CameraDriver {
     /// The camera of the simulated bench.
     Simulated {},
-    /// A camera of the kernel's V4L2: USB cameras, frame grabbers, camera modules.
+    /// A V4L2 camera: USB cameras, frame grabbers, camera modules.
     V4l2(v4l2::Settings),
 }
 
 impl CameraConfig {
-    /// Opens a camera that is a device of this machine; None for the simulated one.
+    /// Opens a camera of this machine; `None` for the simulated camera.
     ///
     /// # Errors
-    /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
+    /// `Setup` if the camera is missing, may not be opened or is another device; the message contains the remedy.
     pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Camera>>> {
         match &self.driver {
             CameraDriver::Simulated {} => None,

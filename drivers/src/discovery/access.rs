@@ -1,4 +1,4 @@
-//! Whether a device may be opened by this process, and if not, what would change that.
+//! Access rights of this process to a device, and remedies for missing rights.
 
 use super::sysfs::{Root, text};
 use rustix::fs::Access as Mode;
@@ -6,28 +6,28 @@ use serde::{Deserialize, Serialize};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// Whether a device may be opened.
+/// Access to a device node.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "access", rename_all = "snake_case")]
 pub enum Access {
-    /// It may be read and written.
+    /// The node may be read and written.
     Open,
-    /// It is there, but may not be opened.
+    /// The node exists but may not be opened.
     Denied {
-        /// What the user can do.
+        /// Instruction for the user.
         remedy: String,
     },
-    /// The kernel knows it, but there is no device node: a container without it.
+    /// The kernel knows the device, but its node is missing, as in a container without it.
     NoNode {
-        /// What the user can do.
+        /// Instruction for the user.
         remedy: String,
     },
-    /// It has no node to open.
+    /// The device needs no node.
     NotNeeded,
 }
 
 impl Access {
-    /// What the user can do, if anything is needed.
+    /// Instruction for the user, if access is missing.
     pub fn remedy(&self) -> Option<&str> {
         match self {
             Self::Denied { remedy } | Self::NoNode { remedy } => Some(remedy),
@@ -36,7 +36,7 @@ impl Access {
     }
 }
 
-/// Whether the node may be read and written.
+/// Checks whether the node may be read and written.
 pub fn check(root: &Root, node: &Path) -> Access {
     match rustix::fs::access(node, Mode::READ_OK | Mode::WRITE_OK) {
         Ok(()) => Access::Open,
@@ -47,7 +47,7 @@ pub fn check(root: &Root, node: &Path) -> Access {
     }
 }
 
-/// What to do about a node of this group.
+/// Instruction for access to a node of this group.
 pub fn remedy(node: &Path, group: Option<&str>) -> String {
     match group {
         Some(group) => format!("run `sudo usermod -aG {group} $USER`, then log out and in again"),
@@ -59,10 +59,10 @@ pub fn remedy(node: &Path, group: Option<&str>) -> String {
     }
 }
 
-/// Where the rules belong.
+/// Path of the udev rules.
 pub const RULES_PATH: &str = "/etc/udev/rules.d/70-nacre.rules";
 
-/// The group that may read and write the node, if it is one that people are in.
+/// The group that may read and write the node, if it is a group for users.
 fn group(root: &Root, node: &Path) -> Option<String> {
     let found = std::fs::metadata(node).ok()?;
     let (gid, mode) = (found.gid(), found.mode());

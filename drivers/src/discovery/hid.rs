@@ -1,26 +1,26 @@
-//! HID devices: nodes that reports can be sent to.
+//! HID devices that accept reports.
 
 use super::{Found, Kind, Root, Usb, check, entries, name, quoted, text, uevent};
 use std::path::{Path, PathBuf};
 
-/// A node that reports can be sent to.
+/// A hidraw node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HidNode {
     /// The device node.
     pub node: PathBuf,
-    /// Vendor number.
+    /// Vendor ID.
     pub vendor: u16,
-    /// Product number.
+    /// Product ID.
     pub product: u16,
-    /// Manufacturer and product in one.
+    /// Manufacturer and product in one string.
     pub name: String,
-    /// Serial number; empty when there is none.
+    /// Serial number; empty if there is none.
     pub serial: String,
-    /// The USB device behind it.
+    /// The underlying USB device.
     pub usb: Option<Usb>,
 }
 
-/// All nodes that reports can be sent to; none where the kernel has no HID.
+/// All hidraw nodes; none if the kernel lacks HID.
 pub fn hid_nodes(root: &Root) -> Vec<HidNode> {
     entries(&root.sys.join("class/hidraw")).iter().filter_map(|folder| node(root, folder)).collect()
 }
@@ -32,7 +32,7 @@ fn node(root: &Root, folder: &Path) -> Option<HidNode> {
     Some(HidNode { node: root.dev.join(name(folder)), vendor, product, name: read.name, serial: read.serial, usb })
 }
 
-/// HID devices that could be of use: keyboards and mice are of none.
+/// HID devices of possible use; keyboards and mice are excluded.
 pub(super) fn devices(root: &Root) -> Vec<Found> {
     hid_nodes(root).into_iter().filter_map(|hid| device(root, hid)).collect()
 }

@@ -1,6 +1,6 @@
-//! Which devices this machine has, as the kernel's device tree tells: nothing is opened to find out.
+//! Devices of this machine, from the kernel's device tree; no device is opened.
 //!
-//! A device that is there but may not be opened is listed, with what would change that.
+//! Devices without access rights are listed together with a remedy.
 
 mod access;
 mod hid;
@@ -24,32 +24,32 @@ pub(crate) use sysfs::{bytes, entries, name, text};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A device that was found.
+/// A detected device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Found {
-    /// What it can be on a bench.
+    /// Possible role on a bench.
     pub kind: Kind,
-    /// What it is, in words.
+    /// Description of the device.
     pub what: String,
-    /// What tells it apart from others of its kind, also after it was plugged in elsewhere where that is possible.
+    /// Identifier that distinguishes devices of one model and, where possible, survives replugging at another port.
     pub id: String,
-    /// Its device node.
+    /// Device node.
     pub node: Option<PathBuf>,
-    /// A name of its node that stays the same.
+    /// Stable name of the node.
     pub stable: Option<PathBuf>,
-    /// Width and height of a panel in mm, where it tells.
+    /// Width and height of a display in mm, if known from its EDID.
     pub size_mm: Option<[f64; 2]>,
     /// The USB device that it belongs to.
     pub usb: Option<Usb>,
-    /// What to write as `driver` into nacre.toml, as an inline table of TOML; None when it is of no known kind.
+    /// Value of `driver` for nacre.toml, as an inline TOML table; `None` if the role is unknown.
     pub setting: Option<String>,
-    /// It is of the kind for sure, not only perhaps.
+    /// Whether the role is certain.
     pub sure: bool,
-    /// Whether it may be opened.
+    /// Access rights.
     pub access: Access,
 }
 
-/// What a device can be on a bench.
+/// Role of a device on a bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -59,13 +59,13 @@ pub enum Kind {
     Camera,
     /// A flash.
     Flash,
-    /// A panel.
+    /// A display.
     Display,
-    /// None of these, as far as is known.
+    /// No known role.
     Other,
 }
 
-/// All devices of this machine that could be of use.
+/// All devices of this machine with a possible role.
 pub fn discover(root: &Root) -> Vec<Found> {
     let mut found = serial::ports(root);
     found.extend(hid::devices(root));
@@ -75,15 +75,15 @@ pub fn discover(root: &Root) -> Vec<Found> {
     found
 }
 
-/// The name that udev gives a node by its device's serial number, or, as devices without one have the same name, by the
-/// place where it is plugged in.
+/// The udev name of a node by its device's serial number. Devices without a serial number share that name, so they are
+/// named by their port.
 pub(crate) fn stable_name(root: &Root, class: &str, node: &str, usb: Option<&Usb>) -> Option<PathBuf> {
     let has_serial = usb.is_some_and(|usb| usb.serial.is_some());
     let links = entries(&root.dev.join(class).join(if has_serial { "by-id" } else { "by-path" }));
     links.into_iter().find(|link| std::fs::read_link(link).is_ok_and(|to| name(&to) == node))
 }
 
-/// A text as TOML writes it.
+/// Quotes a string as in TOML.
 pub(crate) fn quoted(text: &str) -> String {
     let mut quoted = String::from("\"");
     for c in text.chars() {

@@ -1,6 +1,6 @@
-//! Rules for udev, so that people at the machine may open the devices of a bench and find them under names that stay.
+//! udev rules that give users at the machine access to the devices of a bench, under stable names.
 
-/// The text of `/etc/udev/rules.d/70-nacre.rules`: before 73-seat-late, which acts on `uaccess`.
+/// Content of `/etc/udev/rules.d/70-nacre.rules`; the number sorts it before 73-seat-late, which acts on `uaccess`.
 pub fn udev_rules() -> &'static str {
     "\
 # Devices of Nacre: whoever sits at the machine may open them, and so may the groups below (over ssh).
@@ -41,7 +41,7 @@ SUBSYSTEM==\"video4linux\", MODE=\"0660\", GROUP=\"video\", TAG+=\"uaccess\"
 mod tests {
     use super::udev_rules;
 
-    /// udev ends a rule at the line's end unless a backslash is the last character, and reads only double quotes.
+    /// udev ends a rule at the line's end unless the last character is a backslash, and accepts only double quotes.
     #[test]
     fn every_rule_matches_and_assigns() {
         let joined = udev_rules().replace("\\\n", "");

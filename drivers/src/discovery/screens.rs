@@ -1,10 +1,10 @@
-//! Outputs of graphics cards with a monitor on them.
+//! Graphics outputs with a connected display.
 
 use super::{Found, Kind, Root, bytes, check, entries, name, quoted, text};
 use crate::display::edid::{self, Edid};
 use std::path::Path;
 
-/// Connected monitors.
+/// Connected displays.
 pub(super) fn screens(root: &Root) -> Vec<Found> {
     entries(&root.sys.join("class/drm")).iter().filter_map(|folder| screen(root, folder)).collect()
 }

@@ -3,7 +3,7 @@
 use super::{Found, Kind, Root, Usb, check, entries, name, quoted, stable_name};
 use std::path::Path;
 
-/// Serial ports. Those that the kernel makes up without hardware are left out.
+/// Serial ports, without the kernel's placeholders.
 pub(super) fn ports(root: &Root) -> Vec<Found> {
     entries(&root.sys.join("class/tty")).iter().filter_map(|folder| port(root, folder)).collect()
 }
@@ -14,7 +14,7 @@ fn port(root: &Root, folder: &Path) -> Option<Found> {
         return None;
     }
     let usb = Usb::of(root, &device);
-    // Ports of the mainboard are there by the dozen, plugged in or not: only real chips (type not 0) count.
+    // The kernel lists dozens of mainboard ports even without hardware. Only real chips (type not 0) count.
     if usb.is_none() && super::text(&folder.join("type")).is_none_or(|kind| kind == "0") {
         return None;
     }
@@ -41,7 +41,7 @@ fn port(root: &Root, folder: &Path) -> Option<Found> {
     })
 }
 
-/// What is probably behind a known chip. Many things are sold with the same chip, so this is never sure.
+/// Probable device behind a known chip. Many products use the same chip, so the result is never certain.
 fn known(usb: &Usb) -> (Kind, &'static str, Option<&'static str>) {
     match (usb.vendor, usb.product) {
         (0x0403, 0x6015) => (Kind::Stage, "serial port, perhaps the interface of Elliptec stages", Some("elliptec")),

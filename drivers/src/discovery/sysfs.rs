@@ -1,23 +1,23 @@
-//! Reading of the kernel's device tree, in small bites: what is missing or odd is no device, never an error.
+//! Bounded reading of the kernel's device tree. Missing or malformed entries mean no device, never an error.
 
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Longest file that is read; EDIDs are the longest.
+/// Maximum size of a file in bytes; EDIDs are the longest.
 const MAX_FILE: u64 = 64 * 1024;
 
-/// Most entries of a folder that are looked at.
+/// Maximum number of entries read from a folder.
 const MAX_ENTRIES: usize = 4096;
 
-/// Where the system's folders are, so that tests can make up a machine.
+/// Paths of the system's folders, replaceable in tests.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Root {
     /// The kernel's device tree.
     pub sys: PathBuf,
     /// Device nodes.
     pub dev: PathBuf,
-    /// Processes and kernel.
+    /// Processes and kernel state.
     pub proc: PathBuf,
     /// Groups and users.
     pub etc: PathBuf,
@@ -30,26 +30,26 @@ impl Default for Root {
 }
 
 impl Root {
-    /// A machine whose folders are all in one.
+    /// A machine whose folders all lie under one folder.
     pub fn under(folder: &Path) -> Self {
         Self { sys: folder.join("sys"), dev: folder.join("dev"), proc: folder.join("proc"), etc: folder.join("etc") }
     }
 }
 
-/// The bytes of a small file.
+/// Content of a small file.
 pub(crate) fn bytes(path: &Path) -> Option<Vec<u8>> {
     let mut read = Vec::new();
     std::fs::File::open(path).ok()?.take(MAX_FILE).read_to_end(&mut read).ok()?;
     Some(read)
 }
 
-/// The text of a small file, without the white space around it; None when there is none.
+/// Text of a small file without surrounding white space; `None` if it is empty or missing.
 pub(crate) fn text(path: &Path) -> Option<String> {
     let text = String::from_utf8_lossy(&bytes(path)?).trim().to_owned();
     (!text.is_empty()).then_some(text)
 }
 
-/// The entries of a folder, in the order of their names; numbers count as numbers.
+/// Entries of a folder, sorted by name with numeric order.
 pub(crate) fn entries(folder: &Path) -> Vec<PathBuf> {
     let Ok(found) = std::fs::read_dir(folder) else { return vec![] };
     let mut paths: Vec<PathBuf> = found.take(MAX_ENTRIES).flatten().map(|e| e.path()).collect();
@@ -62,31 +62,31 @@ pub(crate) fn entries(folder: &Path) -> Vec<PathBuf> {
     paths
 }
 
-/// The last part of a path.
+/// Last component of a path.
 pub(crate) fn name(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }
 
-/// A device on USB.
+/// A USB device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Usb {
-    /// Vendor number.
+    /// Vendor ID.
     pub vendor: u16,
-    /// Product number.
+    /// Product ID.
     pub product: u16,
-    /// Who made it, as it says.
+    /// Manufacturer string.
     pub manufacturer: Option<String>,
-    /// What it is, as it says.
+    /// Product string.
     pub name: Option<String>,
-    /// Its serial number, as it says; many cheap devices have none, or all the same.
+    /// Serial number; many cheap devices have none, or share one.
     pub serial: Option<String>,
-    /// Number of the bus that it is on.
+    /// Bus number.
     pub bus: u16,
-    /// Its number on the bus, another one each time that it is plugged in.
+    /// Address on the bus, which changes each time the device is plugged in.
     pub address: u16,
-    /// Where it is plugged in, such as `1-4.2`.
+    /// Port path, such as `1-4.2`.
     pub port: String,
-    /// Its speed in Mbit/s.
+    /// Speed in Mbit/s.
     pub speed_mbit: f64,
 }
 
@@ -114,24 +114,24 @@ impl Usb {
         device.ancestors().take_while(|folder| folder.starts_with(&sys)).find_map(Self::at)
     }
 
-    /// Its device node.
+    /// Device node.
     pub fn node(&self, root: &Root) -> PathBuf {
         root.dev.join(format!("bus/usb/{:03}/{:03}", self.bus, self.address))
     }
 
-    /// Vendor and product as tools write them.
+    /// Vendor and product IDs in the usual notation.
     pub fn numbers(&self) -> String {
         format!("{:04x}:{:04x}", self.vendor, self.product)
     }
 
-    /// What to call it.
+    /// Human-readable name.
     pub fn words(&self) -> String {
         let said = [self.manufacturer.as_deref(), self.name.as_deref()];
         let said: Vec<&str> = said.into_iter().flatten().collect();
         if said.is_empty() { "USB device".into() } else { said.join(" ") }
     }
 
-    /// Numbers with the serial number, or else the place where it is plugged in.
+    /// IDs with the serial number, or with the port if there is none.
     pub fn identity(&self) -> String {
         match &self.serial {
             Some(serial) => format!("{} {serial}", self.numbers()),

@@ -2,7 +2,7 @@ use super::*;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 
-/// A made-up machine.
+/// A simulated machine.
 struct Machine(tempfile::TempDir);
 
 impl Machine {
@@ -26,7 +26,7 @@ impl Machine {
         symlink(to, path).unwrap();
     }
 
-    /// A USB device at a port of bus 1, as seen in the tree.
+    /// Adds a USB device at a port of bus 1 to the tree.
     fn usb(&self, port: &str, numbers: &str, texts: &[(&str, &str)]) -> String {
         let folder = format!("sys/devices/pci/usb1/{port}");
         let (vendor, product) = numbers.split_once(':').unwrap();
@@ -40,7 +40,7 @@ impl Machine {
         folder
     }
 
-    /// A device of a class, hanging on a folder of the tree.
+    /// Adds a device of a class below a folder of the tree.
     fn class(&self, class: &str, name: &str, on: &str) -> String {
         let folder = format!("{on}/{class}/{name}");
         std::fs::create_dir_all(self.0.path().join(&folder)).unwrap();
@@ -58,7 +58,7 @@ fn find<'a>(found: &'a [Found], what: &str) -> &'a Found {
 #[test]
 fn an_empty_machine_has_no_devices() {
     assert!(discover(&Machine::new().root()).is_empty());
-    // Nor does any machine make it fail.
+    // Discovery must not fail on any machine.
     discover(&Root::default());
 }
 
@@ -79,7 +79,7 @@ fn an_interface_of_stages_is_found_by_its_chip() {
     assert_eq!(found.len(), 1);
 }
 
-/// Cheap adapters all have the same name, so that only the socket tells them apart.
+/// Cheap adapters share one name, so only the port distinguishes them.
 #[test]
 fn adapters_without_serial_number_are_named_by_their_place() {
     let machine = Machine::new();

@@ -1,20 +1,20 @@
 //! The `uevent` file of a HID device: lines of `KEY=value`.
 
-/// What a HID device is.
+/// Identity of a HID device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Uevent {
     /// Bus, vendor and product.
     pub id: Option<(u16, u16, u16)>,
-    /// Manufacturer and product in one.
+    /// Manufacturer and product in one string.
     pub name: String,
-    /// Serial number; empty when there is none.
+    /// Serial number; empty if there is none.
     pub serial: String,
 }
 
-/// Longest text of a name or serial number that is kept.
+/// Maximum length of a stored name or serial number.
 const MAX_TEXT: usize = 256;
 
-/// Reads a `uevent` file; what it does not say stays empty.
+/// Parses a `uevent` file; missing keys stay empty.
 pub fn parse(text: &str) -> Uevent {
     let mut read = Uevent::default();
     for line in text.lines() {

@@ -1,14 +1,14 @@
-//! Devices on USB that no driver of the kernel serves: own electronics.
+//! USB devices without a kernel driver: custom electronics.
 
 use super::{Found, Kind, Root, Usb, check, entries, quoted};
 use crate::flash::bulk;
 
-/// All devices on USB; none where there is no USB.
+/// All USB devices; none on machines without USB.
 pub fn usb_devices(root: &Root) -> Vec<Usb> {
     entries(&root.sys.join("bus/usb/devices")).iter().filter_map(|folder| Usb::at(folder)).collect()
 }
 
-/// Flashes that are driven over bulk transfers.
+/// Flashes with a bulk-transfer protocol.
 pub(super) fn others(root: &Root) -> Vec<Found> {
     let ours = |usb: &Usb| (usb.vendor, usb.product) == (bulk::VENDOR, bulk::PRODUCT);
     usb_devices(root).into_iter().filter(ours).map(|usb| flash(root, usb)).collect()
@@ -24,7 +24,7 @@ fn flash(root: &Root, usb: Usb) -> Found {
         stable: None,
         size_mm: None,
         setting: Some(format!("{{ kind = \"bulk\"{serial} }}")),
-        // The number is one that anybody may use for experiments.
+        // The IDs are free for experiments, so only the name identifies the device.
         sure: usb.name.as_deref() == Some(bulk::NAME),
         access: check(root, &node),
         node: Some(node),

@@ -1,9 +1,9 @@
-//! Cameras of the kernel's V4L2.
+//! V4L2 cameras.
 
 use super::{Found, Kind, Root, Usb, check, entries, name, quoted, stable_name, text};
 use std::path::Path;
 
-/// Cameras. One camera has several nodes, of which only the first delivers pictures.
+/// Cameras. Only the first of a camera's nodes delivers pictures.
 pub(super) fn cameras(root: &Root) -> Vec<Found> {
     entries(&root.sys.join("class/video4linux")).iter().filter_map(|folder| camera(root, folder)).collect()
 }

@@ -1,36 +1,36 @@
-//! A panel's tone curve from measured luminances.
+//! Tone curve of a display from measured luminances.
 
 use super::kms::Tone;
 use serde::Serialize;
 
-/// A power law is good enough when no luminance is further from it than this part of white.
+/// Largest deviation from a power law, relative to white, for which the law is used.
 pub const POWER_LAW: f64 = 0.005;
 
-/// Exponents that panels have.
+/// Range of plausible exponents.
 const EXPONENTS: [f64; 2] = [0.2, 5.0];
 
-/// The power law through measured luminances: `black + (white − black) · code^gamma`, the code from 0 to 1.
+/// Power law fitted to luminances: `black + (white − black) · code^gamma`, code in [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PowerLaw {
     /// Exponent.
     pub gamma: f64,
-    /// Its standard deviation, from what the law leaves.
+    /// Standard deviation of the exponent, from the residuals.
     pub gamma_sigma: f64,
-    /// Luminance of black as a part of white's.
+    /// Black luminance relative to white.
     pub black: f64,
-    /// Largest distance of a luminance from the law, as a part of white's above black.
+    /// Largest residual, relative to the range from black to white.
     pub deviation: f64,
 }
 
-/// Fits a power law to luminances, in any unit, at codes that are evenly spaced from black to white; least squares. None for fewer than
-/// five, for those that are not finite, and without any light.
+/// Fits a power law by least squares to luminances (any unit) at equidistant codes from black to white. Returns `None`
+/// for fewer than five values, for non-finite values, and without any light.
 pub fn power_law(luminances: &[f64]) -> Option<PowerLaw> {
     let n = luminances.len();
     if n < 5 || luminances.iter().any(|l| !l.is_finite()) {
         return None;
     }
     let code = |i: usize| i as f64 / (n - 1) as f64;
-    // For an exponent, black and the step to white follow from linear least squares.
+    // For a given exponent, linear least squares yields black and white.
     let line = |gamma: f64| {
         let x: Vec<f64> = (0..n).map(|i| code(i).powf(gamma)).collect();
         let mean = |v: &[f64]| v.iter().sum::<f64>() / n as f64;
@@ -48,7 +48,8 @@ pub fn power_law(luminances: &[f64]) -> Option<PowerLaw> {
     if step <= 0.0 || black + step <= 0.0 {
         return None;
     }
-    // How the law bends with the exponent, apart from what black and white can take up: what is left of the derivative's own line.
+    // Derivative of the law with respect to the exponent, orthogonal to the terms of black and white: the residual of
+    // a linear fit.
     let slope: Vec<f64> =
         (0..n).map(|i| if i == 0 { 0.0 } else { step * code(i).powf(gamma) * code(i).ln() }).collect();
     let x: Vec<f64> = (0..n).map(|i| code(i).powf(gamma)).collect();
@@ -62,7 +63,7 @@ pub fn power_law(luminances: &[f64]) -> Option<PowerLaw> {
     })
 }
 
-/// Sum of squares of what `values` hold beside a constant and `x`.
+/// Sum of squared residuals of `values` after a linear fit in `x`.
 fn squares_beside(values: &[f64], x: &[f64]) -> f64 {
     let n = values.len() as f64;
     let (mv, mx) = (values.iter().sum::<f64>() / n, x.iter().sum::<f64>() / n);
@@ -70,7 +71,7 @@ fn squares_beside(values: &[f64], x: &[f64]) -> f64 {
     sum(|v, _| v * v) - sum(|v, x| v * x).powi(2) / sum(|_, x| x * x)
 }
 
-/// Where a function with one minimum between these ends has it.
+/// Minimum of a unimodal function between two ends, by golden-section search.
 fn golden(f: impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2]) -> f64 {
     let part = 0.5 * (5.0_f64.sqrt() - 1.0);
     for _ in 0..60 {
@@ -81,7 +82,8 @@ fn golden(f: impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2]) -> f64 {
 }
 
 impl PowerLaw {
-    /// The tone curve to configure: the exponent where the law is good enough, else the luminances themselves, made to rise.
+    /// Tone curve for the configuration: the exponent if the law fits, otherwise the luminances, made strictly
+    /// increasing.
     pub fn tone(&self, luminances: &[f64]) -> Tone {
         if self.deviation <= POWER_LAW {
             return Tone::Gamma((self.gamma * 1e4).round() / 1e4);
@@ -89,7 +91,7 @@ impl PowerLaw {
         let white = luminances.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
         let mut below = -1.0;
         let risen = luminances.iter().map(|l| {
-            // To five digits, which no camera has.
+            // Five digits exceed the precision of any camera.
             below = ((l.max(0.0) / white * 1e5).round() / 1e5_f64).max(below + 1e-5).max(0.0);
             below
         });
@@ -117,7 +119,7 @@ mod tests {
 
     #[test]
     fn the_exponents_standard_deviation_holds_what_noise_does_to_it() {
-        // A hash, uniform within ±1.
+        // Pseudo-random noise, uniform within ±1.
         let noise = |i: u64| {
             let z = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
             let z = (z ^ (z >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -129,7 +131,7 @@ mod tests {
             let law = power_law(&values).unwrap();
             (law.gamma - 2.2).abs() < law.gamma_sigma
         });
-        // 68 % of 200, and four of their standard deviations.
+        // 68 % of 200, within four standard deviations of that count.
         let within = within.count();
         assert!((110..=162).contains(&within), "{within}");
     }
@@ -142,7 +144,7 @@ mod tests {
         let Tone::Measured(kept) = law.tone(&values) else { panic!("a power law") };
         Tone::Measured(kept.clone()).check().unwrap();
         assert!(kept.iter().zip(&values).all(|(k, v)| (k - v).abs() < 1e-4));
-        // Noise that makes black brighter than the next level does not make a curve that is refused.
+        // Noise that makes black brighter than the next level must not yield an invalid curve.
         let tone = law.tone(&[0.002, 0.001, 0.0, 0.3, 1.0]);
         tone.check().unwrap();
     }

@@ -1,6 +1,7 @@
-//! What a desktop does to a panel behind Nacre's back: it blanks the screen, tints it at night, and dims it.
+//! Detection of desktop programs that change a display during a measurement: they blank the screen, tint it at night,
+//! and dim it.
 
-/// Processes, and what they may do. Names are as the kernel cuts them, to 15 letters.
+/// Process names and their effects. The kernel truncates names to 15 characters.
 const MEDDLERS: [(&str, &str); 12] = [
     (
         "gnome-shell",
@@ -19,10 +20,11 @@ const MEDDLERS: [(&str, &str); 12] = [
     ("clight", "clight changes the brightness: end it"),
 ];
 
-/// Most processes looked at.
+/// Maximum number of examined processes.
 const MAX_PROCESSES: usize = 65_536;
 
-/// What may change the panel's picture while Nacre measures, as far as can be seen: for the user to switch off.
+/// Warnings about running programs that may change the display's picture during a measurement, for the user to switch
+/// off.
 pub fn desktop_warnings() -> Vec<String> {
     let names = std::fs::read_dir("/proc").into_iter().flatten().flatten().take(MAX_PROCESSES).filter_map(|entry| {
         let number = entry.file_name().to_string_lossy().bytes().all(|b| b.is_ascii_digit());

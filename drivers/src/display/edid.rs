@@ -1,21 +1,21 @@
-//! What a panel says of itself: its EDID, 128 bytes that come with the cable's connection.
+//! EDID: 128 bytes in which a display describes itself.
 
-/// Length of an EDID's first block; further ones are not read.
+/// Length of an EDID's first block; extension blocks are not read.
 pub const BLOCK: usize = 128;
 
 const HEADER: [u8; 8] = [0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0];
-/// Where the four descriptors begin, and their length.
+/// Byte range of the four descriptors, and their length.
 const DESCRIPTORS: std::ops::Range<usize> = 54..126;
 const DESCRIPTOR: usize = 18;
-/// Panels are not smaller: some give their sides' ratio in place of their size.
+/// Smallest plausible size in mm: some displays report their aspect ratio instead of their size.
 const SMALLEST_MM: f64 = 20.0;
 
-/// What a panel says of itself.
+/// Properties from an EDID.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edid {
-    /// Three letters of its maker.
+    /// Manufacturer code of three letters.
     pub maker: String,
-    /// The maker's number of the product.
+    /// Product code.
     pub product: u16,
     /// Serial number; 0 for none.
     pub serial: u32,
@@ -25,26 +25,27 @@ pub struct Edid {
     pub serial_text: Option<String>,
     /// Width and height in mm.
     pub size_mm: Option<[f64; 2]>,
-    /// Pixels per row, and rows, of its own resolution.
+    /// Native resolution: width and height in pixels.
     pub pixels: Option<[u32; 2]>,
 }
 
-/// Why bytes are no EDID.
+/// Reason why bytes are not a valid EDID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EdidError {
     /// Fewer than [`BLOCK`] bytes.
     #[error("{0} bytes in place of 128")]
     Short(usize),
-    /// It does not begin as it should.
+    /// The header is wrong.
     #[error("another beginning")]
     Header,
-    /// The bytes do not sum up to 0.
+    /// The bytes do not add up to 0 modulo 256.
     #[error("a wrong checksum")]
     Checksum,
 }
 
 impl Edid {
-    /// Identity of the panel: maker, product and serial number. Panels of one kind without serial numbers have the same.
+    /// Identity of the display: manufacturer, product and serial number. Displays of one model without serial numbers
+    /// share it.
     pub fn id(&self) -> String {
         let serial = match (&self.serial_text, self.serial) {
             (Some(text), _) => text.clone(),
@@ -56,10 +57,10 @@ impl Edid {
     }
 }
 
-/// Reads an EDID's first block.
+/// Parses an EDID's first block.
 ///
 /// # Errors
-/// Why it is none.
+/// The reason why the bytes are invalid.
 pub fn parse(bytes: &[u8]) -> Result<Edid, EdidError> {
     let block: &[u8; BLOCK] = bytes.first_chunk().ok_or(EdidError::Short(bytes.len()))?;
     if !block.starts_with(&HEADER) {
@@ -80,12 +81,12 @@ pub fn parse(bytes: &[u8]) -> Result<Edid, EdidError> {
     for descriptor in block[DESCRIPTORS].as_chunks::<DESCRIPTOR>().0 {
         read_descriptor(&mut edid, descriptor);
     }
-    // The first detailed timing is to the millimetre, this is in cm.
+    // The first detailed timing gives the size in mm, these bytes give it in cm.
     edid.size_mm = edid.size_mm.or_else(|| plausible([block[21], block[22]].map(|cm| 10.0 * f64::from(cm))));
     Ok(edid)
 }
 
-/// A detailed timing has a pixel clock; the others have a kind.
+/// A detailed timing starts with a pixel clock; the other descriptors have a type.
 fn read_descriptor(edid: &mut Edid, d: &[u8; DESCRIPTOR]) {
     let wide = |low: u8, high: u8| (u32::from(high) << 8) | u32::from(low);
     if d[0] != 0 || d[1] != 0 {
@@ -115,7 +116,7 @@ fn maker(code: u16) -> String {
     [10, 5, 0].map(letter).iter().collect()
 }
 
-/// Ends with a line feed; what cannot be printed is left out.
+/// The text ends with a line feed; unprintable characters are removed.
 fn text(bytes: &[u8]) -> Option<String> {
     let text: String =
         bytes.iter().take_while(|b| **b != b'\n').map(|b| char::from(*b)).filter(|c| (' '..='~').contains(c)).collect();
@@ -134,7 +135,7 @@ mod tests {
         block
     }
 
-    /// A panel of 1920 × 1080 pixels, 527 × 296 mm.
+    /// A display of 1920 × 1080 pixels, 527 × 296 mm.
     fn example() -> [u8; BLOCK] {
         let mut block = [0; BLOCK];
         block[..8].copy_from_slice(&HEADER);

@@ -1,4 +1,4 @@
-//! Panels: LCDs as programmable light.
+//! Displays: LCDs as programmable light sources.
 
 mod curve;
 mod desktop;
@@ -14,13 +14,13 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The panel of a bench.
+/// The display of a bench.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DisplayConfig {
-    /// Which driver, with its settings.
+    /// Driver and its settings.
     pub driver: DisplayDriver,
-    /// Time until a new picture is steady, in ms, from when it was handed over.
+    /// Settling time of a new picture in ms, from the moment it was submitted.
     #[serde(default = "response_ms")]
     pub response_ms: f64,
 }
@@ -29,26 +29,26 @@ fn response_ms() -> f64 {
     50.0
 }
 
-/// The drivers of panels: one line each.
+/// Display drivers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DisplayDriver {
-    /// The panel of the simulated bench.
+    /// The display of the simulated bench.
     Simulated {},
-    /// The page `/display` of Nacre's service, in a browser on the panel's full screen.
+    /// The page `/display` of Nacre's service, in a full-screen browser on the display.
     Page {
         /// Width and height of the picture in mm.
         size_mm: [f64; 2],
     },
-    /// A panel on an output of this machine that no desktop uses.
+    /// A display on an output of this machine that no desktop uses.
     Kms(kms::Settings),
 }
 
 impl DisplayConfig {
-    /// Says what is wrong with it.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// The key and what it must be.
+    /// The invalid key and its valid values.
     pub fn check(&self) -> Result<(), String> {
         if !(0.0..=10_000.0).contains(&self.response_ms) {
             return Err(format!("response_ms is {}; give 0 to 10000", self.response_ms));
@@ -61,15 +61,15 @@ impl DisplayConfig {
         }
     }
 
-    /// Time until a new picture is steady.
+    /// Settling time of a new picture.
     pub fn response(&self) -> Duration {
         Duration::try_from_secs_f64(self.response_ms / 1e3).unwrap_or_default()
     }
 
-    /// Opens a panel that is a device of this machine; None for those that are not.
+    /// Opens a display of this machine; `None` for the other drivers.
     ///
     /// # Errors
-    /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
+    /// `Setup` if the display is missing, may not be opened or is another device; the message contains the remedy.
     pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Display>>> {
         match &self.driver {
             DisplayDriver::Simulated {} | DisplayDriver::Page { .. } => None,

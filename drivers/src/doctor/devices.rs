@@ -1,13 +1,13 @@
-//! What the devices that were found mean for a bench.
+//! Suitability of the detected devices for a bench.
 
 use super::{Check, Health};
 use crate::discovery::{Access, Found, Kind, Root, text};
 use std::collections::BTreeMap;
 
-/// Fastest speed of USB 2, in Mbit/s: one camera with uncompressed pictures fills it.
+/// Speed of USB 2 in Mbit/s: one camera with uncompressed pictures saturates it.
 const USB_2: f64 = 480.0;
 
-/// Cameras that share a bus of USB 2 take frames from each other.
+/// Checks for cameras that share a USB 2 bus and thus lose frames to each other.
 pub(super) fn bandwidth(found: &[Found]) -> Check {
     let mut buses: BTreeMap<u16, Vec<&str>> = BTreeMap::new();
     for camera in found.iter().filter(|f| f.kind == Kind::Camera) {
@@ -25,7 +25,7 @@ pub(super) fn bandwidth(found: &[Found]) -> Check {
     }
 }
 
-/// A panel that goes dark by itself spoils a measurement. What a desktop does cannot be read for sure.
+/// Checks for screen blanking, which spoils a measurement. The desktop's settings cannot be read reliably.
 pub(super) fn blanking(root: &Root, found: &[Found], meddlers: &[String]) -> Vec<Check> {
     let name = "screen blanking";
     let mut checks = vec![];
@@ -47,7 +47,7 @@ pub(super) fn blanking(root: &Root, found: &[Found], meddlers: &[String]) -> Vec
     checks
 }
 
-/// Whether each device may be opened.
+/// Checks the access rights of each device.
 pub(super) fn access(found: &[Found]) -> Vec<Check> {
     let words = |device: &Found| match &device.node {
         Some(node) => format!("{} at {}", device.what, node.display()),
@@ -55,7 +55,7 @@ pub(super) fn access(found: &[Found]) -> Vec<Check> {
     };
     let found: Vec<&Found> = found.iter().filter(|f| f.kind != Kind::Other).collect();
     let check = |device: &&Found| {
-        // A panel can be a browser's as well, and what only may be a stage need not be one.
+        // A browser may drive the display instead, and a device of uncertain role may not be needed.
         let needed = device.sure && device.kind != Kind::Display;
         let health = if needed { Health::Bad } else { Health::Warn };
         let name = format!("access to {}", device.id);

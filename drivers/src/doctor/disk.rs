@@ -1,4 +1,4 @@
-//! Room and speed of the disk that measurements are kept on.
+//! Free space and write speed of the disk for measurements.
 
 use super::{Check, Health};
 use std::fs::{File, OpenOptions};
@@ -8,7 +8,7 @@ use std::time::Instant;
 
 const GIB: f64 = 1024.0 * 1024.0 * 1024.0;
 
-/// How much is written to measure the speed.
+/// Bytes written to measure the speed.
 pub(super) const AMOUNT: usize = 64 << 20;
 
 const CHUNK: usize = 1 << 20;
@@ -40,22 +40,22 @@ fn missing(name: &str, folder: &Path, error: io::Error) -> Check {
     Check::not_ok(name, Health::Bad, found, "give a folder that exists and that you may write to")
 }
 
-/// Removes the file whatever happens.
+/// Removes the file in any case.
 struct Removed(PathBuf);
 
 impl Drop for Removed {
     fn drop(&mut self) {
-        // It may be gone already; there is nothing else to do about it.
+        // The file may already be gone, and no further action is possible.
         let _ = std::fs::remove_file(&self.0);
     }
 }
 
-/// Megabytes per second that reach the disk.
+/// Sustained write speed in MB/s, synced to the disk.
 fn measure(folder: &Path, amount: usize) -> io::Result<f64> {
     let path = folder.join(format!(".nacre-speed-{}-{:?}", std::process::id(), std::thread::current().id()));
     let mut file: File = OpenOptions::new().write(true).create_new(true).open(&path)?;
     let _removed = Removed(path);
-    // Not zeros, which some file systems do not write at all.
+    // Random bytes, since some file systems skip zeros.
     let mut seed = 1u64;
     let chunk: Vec<u8> = std::iter::repeat_with(|| {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

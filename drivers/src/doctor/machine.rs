@@ -7,7 +7,7 @@ use std::path::Path;
 
 const GIB: f64 = 1024.0 * 1024.0 * 1024.0;
 
-/// Start of 2024: a clock that shows less was never set.
+/// Start of 2024 as Unix time: a clock with an earlier time was never set.
 const EPOCH_2024: i64 = 1_704_067_200;
 
 pub(super) fn versions(root: &Root) -> Check {
@@ -15,7 +15,7 @@ pub(super) fn versions(root: &Root) -> Check {
     Check::ok("versions", format!("Nacre {}, Linux {kernel}", env!("CARGO_PKG_VERSION")))
 }
 
-/// The clock that frames are stamped with.
+/// Checks the resolution of the clock that stamps frames.
 pub(super) fn resolution() -> Check {
     let step = clock_getres(ClockId::Monotonic);
     let ns = step.tv_sec as f64 * 1e9 + step.tv_nsec as f64;
@@ -26,7 +26,7 @@ pub(super) fn resolution() -> Check {
     Check::not_ok("clock", Health::Warn, found, "boot a kernel with high-resolution timers")
 }
 
-/// Setting the date while a measurement runs does no harm: nothing is timed with it.
+/// Checks the date. Changing it during a measurement does no harm, since timing uses the monotonic clock.
 pub(super) fn date() -> Check {
     dated(clock_gettime(ClockId::Realtime).tv_sec)
 }
@@ -48,13 +48,13 @@ pub(super) fn memory(root: &Root) -> Check {
     Check::at_least("memory", bytes, [2.0 * GIB, 0.5 * GIB], found, "end other programs; measurements need 2 GiB")
 }
 
-/// Bytes that programs can have, of /proc/meminfo.
+/// Memory available to programs in bytes, from /proc/meminfo.
 fn available(text: &str) -> Option<f64> {
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
     Some(line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok()? * 1024.0)
 }
 
-/// How the processor's frequency is governed; None where it is not.
+/// Checks the processor's frequency governor; `None` if there is none.
 pub(super) fn governor(root: &Root) -> Option<Check> {
     let cpus = entries(&root.sys.join("devices/system/cpu"));
     let slow = cpus.iter().filter_map(|cpu| text(&cpu.join("cpufreq/scaling_governor")).map(|g| (g, kept_low(cpu))));
@@ -68,7 +68,7 @@ pub(super) fn governor(root: &Root) -> Option<Check> {
     Some(Check::not_ok("processor", Health::Warn, found, "run `sudo cpupower frequency-set -g schedutil`"))
 }
 
-/// With the drivers of newer processors, powersave is not slow.
+/// With the drivers of newer processors, the governor powersave is not slow.
 fn kept_low(cpu: &Path) -> bool {
     let driver = text(&cpu.join("cpufreq/scaling_driver")).unwrap_or_default();
     !matches!(driver.as_str(), "intel_pstate" | "amd-pstate-epp")

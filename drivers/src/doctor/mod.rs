@@ -1,4 +1,4 @@
-//! Whether this machine is fit for a bench: checks as data, each with what to do when it is not.
+//! Checks whether this machine is fit for a bench, each with a remedy if it is not.
 
 mod devices;
 mod disk;
@@ -8,28 +8,28 @@ use crate::discovery::{Root, discover};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// One thing that was looked at.
+/// Result of one check.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Check {
-    /// What was looked at.
+    /// Name of the check.
     pub name: String,
-    /// How it stands.
+    /// Severity.
     pub ok: Health,
-    /// What was found.
+    /// Finding.
     pub found: String,
-    /// What the user can do; there is nothing to do where all is well.
+    /// Instruction for the user; `None` if the check passed.
     pub remedy: Option<String>,
 }
 
-/// How something stands.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Health {
-    /// As it should be.
+    /// The check passed.
     Ok,
-    /// It may give trouble.
+    /// Trouble is possible.
     Warn,
-    /// It will give trouble.
+    /// Trouble is certain.
     Bad,
 }
 
@@ -42,7 +42,7 @@ impl Check {
         Self { name: name.into(), ok, found: found.into(), remedy: Some(remedy.into()) }
     }
 
-    /// The worse of two limits that a value falls below.
+    /// Compares a value with two lower limits: below the first it is a warning, below the second an error.
     fn at_least(name: &str, value: f64, [warn, bad]: [f64; 2], found: String, remedy: &str) -> Self {
         match value {
             v if v >= warn => Self::ok(name, found),
@@ -52,7 +52,7 @@ impl Check {
     }
 }
 
-/// Looks at everything. `folder` is where measurements are kept; 64 MiB are written there and removed again.
+/// Runs all checks. `folder` is the folder of the measurements; 64 MiB are written there and removed again.
 pub fn examine(root: &Root, folder: &Path) -> Vec<Check> {
     let found = discover(root);
     let mut checks = vec![machine::versions(root), machine::resolution(), machine::date(), machine::memory(root)];

@@ -1,14 +1,14 @@
-//! What all flashes have in common: off when opened, off when dropped, and no state is believed that was not read back.
+//! Common behaviour of all flashes: off when opened, off when dropped, and every state read back from the device.
 
 use crate::{Class, Clock, DeviceError, DeviceResult, Flash, FlashInfo, Switched};
 use async_trait::async_trait;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How often it is tried to switch off before the error is reported: a light that stays on is the worst outcome.
+/// Attempts to switch off before the error is reported: a light that stays on is the worst outcome.
 const TRIES: usize = 3;
 
-/// A lamp that can be switched, and says what it is.
+/// A lamp that can be switched and reports its state.
 pub trait Lamp: Send {
     /// Stable identity.
     fn id(&self) -> String;
@@ -16,31 +16,31 @@ pub trait Lamp: Send {
     /// Sends the command.
     ///
     /// # Errors
-    /// The device does not take it.
+    /// If the device does not accept it.
     fn set(&mut self, on: bool) -> DeviceResult<()>;
 
     /// Reads the state back.
     ///
     /// # Errors
-    /// The device does not say, or says what has no meaning.
+    /// If the device does not answer, or answers nonsense.
     fn state(&mut self) -> DeviceResult<bool>;
 }
 
-/// How long a flash takes and may shine.
+/// Settling time and maximum on-time of a flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// Time from the command until the light is steady.
     pub settling: Duration,
-    /// It must not be on for longer than this at a time.
+    /// Maximum continuous on-time.
     pub max_on: Duration,
 }
 
-/// A flash made of a lamp.
+/// A flash built on a lamp.
 pub struct Switchable<L: Lamp> {
     lamp: L,
     timing: Timing,
     clock: Arc<dyn Clock>,
-    /// What it was told last.
+    /// Last commanded state.
     asked: bool,
 }
 
@@ -48,7 +48,7 @@ impl<L: Lamp> Switchable<L> {
     /// A flash that is off.
     ///
     /// # Errors
-    /// The lamp cannot be switched off, or does not say that it is.
+    /// If the lamp cannot be switched off, or does not confirm it.
     pub fn new(lamp: L, timing: Timing, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
         let mut flash = Self { lamp, timing, clock, asked: true };
         match flash.off()? {
@@ -58,7 +58,7 @@ impl<L: Lamp> Switchable<L> {
         }
     }
 
-    /// Switches off, again if need be; returns whether it is still on.
+    /// Switches off, with retries; returns whether it is still on.
     fn off(&mut self) -> DeviceResult<bool> {
         let mut outcome = Ok(true);
         for _ in 0..TRIES {
@@ -71,12 +71,12 @@ impl<L: Lamp> Switchable<L> {
         outcome
     }
 
-    /// Switches on. Whatever comes back but "on", the light is switched off again before it is reported.
+    /// Switches on. On any answer other than "on", the light is switched off before the error is reported.
     fn on(&mut self) -> DeviceResult<bool> {
         self.asked = true;
         let outcome = self.lamp.set(true).and_then(|()| self.lamp.state());
         if outcome != Ok(true) {
-            // What was wrong with switching on is what matters.
+            // The error of switching on is reported, not that of switching off.
             let _ = self.off();
         }
         outcome
@@ -95,7 +95,8 @@ impl<L: Lamp> Flash for Switchable<L> {
 
     async fn switch(&mut self, on: bool) -> DeviceResult<Switched> {
         let is_on = if on { self.on()? } else { self.off()? };
-        // Whoever takes the frames waits until the light is steady; a guardian that waited here would hear nobody meanwhile.
+        // The receiver of the frames waits until the light is steady; a guardian that waited here could not handle
+        // requests.
         Ok(Switched { since: self.clock.now() + self.timing.settling, on: is_on })
     }
 
@@ -113,7 +114,7 @@ impl<L: Lamp> Flash for Switchable<L> {
 
 impl<L: Lamp> Drop for Switchable<L> {
     fn drop(&mut self) {
-        // Nobody is left who could be told.
+        // On drop there is no caller to receive the error.
         let _ = self.off();
     }
 }
@@ -127,7 +128,7 @@ mod tests {
 
     const SETTLING: Duration = Duration::from_secs(60);
 
-    /// A lamp whose states are made up in advance; the commands are kept.
+    /// A lamp with scripted states; it records the commands.
     struct Scripted {
         states: VecDeque<Option<bool>>,
         commands: Arc<Mutex<Vec<bool>>>,

@@ -1,4 +1,4 @@
-//! Flashes: lamps that are switched over USB or a serial line.
+//! Flashes: lamps switched over USB or a serial line.
 
 pub mod blink1;
 pub mod bulk;
@@ -18,12 +18,12 @@ use std::time::Duration;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FlashConfig {
-    /// Which driver, with its settings.
+    /// Driver and its settings.
     pub driver: FlashDriver,
     /// Time from the command until the light is steady, in ms.
     #[serde(default = "settling_ms")]
     pub settling_ms: f64,
-    /// It must not be on for longer than this at a time, in s.
+    /// Maximum continuous on-time in s.
     #[serde(default = "max_on_s")]
     pub max_on_s: f64,
 }
@@ -36,7 +36,7 @@ fn max_on_s() -> f64 {
     10.0
 }
 
-/// The drivers of flashes: one line each.
+/// Flash drivers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum FlashDriver {
@@ -46,22 +46,22 @@ pub enum FlashDriver {
     Relay(relay::Settings),
     /// A blink(1) lamp.
     Blink1(blink1::Settings),
-    /// Own electronics with bulk transfers.
+    /// Custom electronics with bulk transfers.
     Bulk(bulk::Settings),
-    /// A lamp switched by a line of a serial port.
+    /// A lamp switched by a control line of a serial port.
     SerialLine(serial_line::Settings),
 }
 
 impl FlashConfig {
-    /// Whether it is the simulated bench's.
+    /// Whether this is the flash of the simulated bench.
     pub fn is_simulated(&self) -> bool {
         matches!(self.driver, FlashDriver::Simulated {})
     }
 
-    /// Opens a flash that is a device of this machine; None for the simulated one.
+    /// Opens a flash of this machine; `None` for the simulated one.
     ///
     /// # Errors
-    /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
+    /// `Setup` if the flash is missing, may not be opened or is another device; the message contains the remedy.
     pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Flash>>> {
         let timing = match self.timing() {
             Ok(timing) => timing,
@@ -76,10 +76,10 @@ impl FlashConfig {
         }
     }
 
-    /// Says what is wrong with it.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// The key and what it must be.
+    /// The invalid key and its valid values.
     pub fn check(&self) -> Result<(), String> {
         let sane = |value: f64, most: f64| value > 0.0 && value <= most;
         if !sane(self.settling_ms, MAX_SETTLING_MS) {
@@ -101,7 +101,7 @@ impl FlashConfig {
     }
 
     /// # Errors
-    /// `Setup` when it makes no sense.
+    /// `Setup` if the times are invalid.
     fn timing(&self) -> DeviceResult<Timing> {
         self.check().map_err(|problem| {
             DeviceError::new("flash", "read its settings", "settings that make sense", problem)
@@ -113,10 +113,10 @@ impl FlashConfig {
     }
 }
 
-/// Lamps that need longer to be steady are not for this.
+/// Largest settling time in ms; slower lamps are not suitable.
 const MAX_SETTLING_MS: f64 = 60_000.0;
 
-/// Whatever shines for longer at a time is no flash.
+/// Largest on-time in s; longer ones do not make a flash.
 const MAX_ON_S: f64 = 600.0;
 
 #[cfg(test)]

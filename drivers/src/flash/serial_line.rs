@@ -1,13 +1,15 @@
-//! A lamp switched by a line of a serial port: RTS or DTR drives a transistor or a solid-state relay.
+//! A lamp switched by a control line of a serial port: RTS or DTR drives a transistor or a solid-state relay.
 //!
-//! The cheapest flash and the least safe one. Two hazards:
-//! - Adapters do not tell how their lines stand, so the state is as set, not read back; the flash's identity says so. What is
-//!   checked each time is that the port is still there.
-//! - The kernel raises both lines whenever the port is opened, by any program. Ours is lowered at once, but the lamp flickers for
-//!   some milliseconds. Keep other programs away: the udev rules keep ModemManager from the adapters that they name only.
+//! This is the cheapest and least safe flash. It has two hazards:
+//! - Adapters do not report the state of their output lines, so the state is the commanded one, not read back; the
+//!   flash's identity says so. Each command checks that the port still exists.
+//! - The kernel raises both lines whenever a program opens the port. Nacre lowers its line at once, but the lamp
+//!   flickers for some milliseconds. Keep other programs away: the udev rules keep ModemManager only from the adapters
+//!   that they name.
 //!
-//! When the program dies the kernel closes the port, and lowers both lines unless another program has it open too: it is told
-//! to (`HUPCL`), which is the default but for ports that somebody has told otherwise, as is done to keep an Arduino from resetting.
+//! When the program dies the kernel closes the port and lowers both lines, unless another program has the port open.
+//! This behaviour (`HUPCL`) is the kernel's default, and is set explicitly because users disable it to keep an Arduino
+//! from resetting.
 
 use super::lamp::{Lamp, Switchable, Timing};
 use crate::discovery::{Access, Root, check};
@@ -22,18 +24,18 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A serial port and its line.
+/// A serial port and its control line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// The port, best by a name that stays, such as `/dev/serial/by-id/…`.
+    /// Port, preferably by a stable name such as `/dev/serial/by-id/…`.
     pub port: String,
-    /// The line that is high while the light is on.
+    /// Line that is high while the light is on.
     #[serde(default)]
     pub line: Line,
 }
 
-/// A line that the computer drives.
+/// Output line of a serial port.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Line {
@@ -47,7 +49,7 @@ pub enum Line {
 /// Opens the port and lowers the line.
 ///
 /// # Errors
-/// `Setup` when it is not there, may not be opened or has no such line.
+/// `Setup` if the port is missing, may not be opened or lacks the line.
 pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> DeviceResult<Box<dyn Flash>> {
     let cannot = |got: String| {
         DeviceError::new("flash", format!("open {}", settings.port), "a serial port", got).class(Class::Setup)
@@ -60,7 +62,7 @@ pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> Devi
         }
         Access::Open | Access::NotNeeded => {}
     }
-    // Not exclusive: a guardian opens it anew while it still holds the old link, to be sure that the light is off.
+    // Not exclusive: a guardian reopens the port while it still holds the old link, to ensure that the light is off.
     let port = serialport::new(&settings.port, 9600)
         .dtr_on_open(false)
         .exclusive(false)
@@ -72,10 +74,10 @@ pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> Devi
     Ok(Box::new(Switchable::new(lamp, timing, clock.clone())?))
 }
 
-/// Has the kernel lower the lines when the port is closed, by whatever end of the program.
+/// Makes the kernel lower the lines when the port is closed, however the program ends.
 #[allow(unsafe_code, reason = "the port lends its descriptor only as a number")]
 fn hang_up_on_close(port: &TTYPort) -> io::Result<()> {
-    // SAFETY: the port has it open until it is dropped, which is after this.
+    // SAFETY: the port keeps the descriptor open until it is dropped, which is after this.
     let port = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
     let mut settings = tcgetattr(port)?;
     settings.control_modes |= ControlModes::HUPCL;
@@ -86,7 +88,7 @@ struct SerialLamp {
     port: TTYPort,
     name: String,
     line: Line,
-    /// As set.
+    /// The commanded state.
     on: bool,
 }
 
@@ -123,7 +125,7 @@ impl Lamp for SerialLamp {
         Ok(())
     }
 
-    /// Reading the lines that others drive fails when the port is gone.
+    /// Reading the input lines fails if the port is gone.
     fn state(&mut self) -> DeviceResult<bool> {
         let alive = self.port.read_clear_to_send();
         self.checked("report its lines", alive)?;
@@ -152,7 +154,7 @@ mod tests {
         }
     }
 
-    /// A pseudo-terminal has no lines, but settings.
+    /// A pseudo-terminal has no control lines, but has settings.
     #[test]
     fn a_port_without_lines_is_refused_and_lines_would_go_down_with_the_program() {
         use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -160,7 +162,7 @@ mod tests {
         grantpt(&master).unwrap();
         unlockpt(&master).unwrap();
         let name = ptsname(&master, vec![]).unwrap().into_string().unwrap();
-        // It keeps its settings while anybody has it open.
+        // The settings persist while any process has it open.
         let port = std::fs::File::open(&name).unwrap();
         let hangs_up = || tcgetattr(&port).unwrap().control_modes.contains(ControlModes::HUPCL);
         assert!(!hangs_up());

@@ -1,9 +1,9 @@
-//! Checks that stages have in common: of configured values, which say which key is wrong and what it must be, and of angles.
+//! Common checks of stages: configured values, with the invalid key and its valid values, and angles.
 
 use crate::{Class, DeviceError, DeviceResult};
 use std::path::Path;
 
-/// Longest time that can be configured.
+/// Longest configurable time in ms.
 const MAX_MS: u64 = 3_600_000;
 
 pub(super) fn port(port: &Path) -> Result<(), String> {
@@ -36,7 +36,8 @@ pub(super) fn limits([low, high]: [f64; 2]) -> Result<(), String> {
     Err(format!("limits_deg is [{low}, {high}]; give the lower angle first"))
 }
 
-/// That an angle is within the limits of `whose`, which are to be corrected otherwise: the stage's or the mounting's.
+/// Checks that an angle lies within the limits. `whose` names the limits to correct: those of the stage or of the
+/// mounting.
 pub(super) fn angle(device: &str, what: &str, angle_deg: f64, limits_deg: [f64; 2], whose: &str) -> DeviceResult<()> {
     let [low, high] = limits_deg;
     if angle_deg >= low && angle_deg <= high {

@@ -1,13 +1,13 @@
-//! An analyser that a person turns: "turn to 45° and press Enter".
+//! An analyser turned by hand: "turn to 45° and press Enter".
 
 use crate::{Arrived, Clock, DeviceError, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
 use std::sync::Arc;
 
-/// Asks a person to do something; returns once it is done.
+/// Asks a person for an action; returns once it is done.
 pub trait Prompt: Send {
     /// # Errors
-    /// The person cannot be asked or goes away.
+    /// If the person cannot be asked or cancels.
     fn ask(&mut self, request: &str) -> std::io::Result<()>;
 }
 
@@ -15,21 +15,21 @@ pub trait Prompt: Send {
 pub struct HandStage {
     prompt: Box<dyn Prompt>,
     clock: Arc<dyn Clock>,
-    /// On a simulated bench something must turn the analyser in the person's place.
+    /// Simulated stage that turns the analyser in the person's place.
     turned: Option<Box<dyn Stage>>,
     angle_deg: Option<f64>,
 }
 
-/// A person reads a scale of degrees to about this.
+/// Reading accuracy of a person on a degree scale.
 const TOLERANCE_DEG: f64 = 1.0;
 
 impl HandStage {
-    /// An analyser of unknown angle. `turned` follows what the person is asked for (simulation).
+    /// An analyser of unknown angle. `turned` follows the requests in a simulation.
     pub fn new(prompt: Box<dyn Prompt>, clock: Arc<dyn Clock>, turned: Option<Box<dyn Stage>>) -> Self {
         Self { prompt, clock, turned, angle_deg: None }
     }
 
-    /// What a hand can do.
+    /// Limits and tolerances of hand operation.
     pub fn info() -> StageInfo {
         StageInfo {
             id: "hand-turned analyser".into(),
@@ -38,7 +38,7 @@ impl HandStage {
             limits_deg: [-360.0, 720.0],
             tolerance_deg: TOLERANCE_DEG,
             approach_deg: 0.0,
-            // A person may take this long.
+            // Time limit for a person.
             longest_s: 24.0 * 3600.0,
             halts: true,
             by_hand: true,
@@ -65,7 +65,7 @@ impl Stage for HandStage {
         Self::info()
     }
 
-    /// A hand needs no zero: angles are read from the scale.
+    /// A hand-turned stage needs no zero: angles are read from the scale.
     async fn home(&mut self) -> DeviceResult<Arrived> {
         let since = match &mut self.turned {
             Some(stage) => stage.home().await?.since,
@@ -78,7 +78,7 @@ impl Stage for HandStage {
         self.turn(angle_deg).await
     }
 
-    /// A hand that nobody asks any more stops by itself.
+    /// A person without a request stops anyway.
     async fn halt(&mut self) -> DeviceResult<()> {
         match &mut self.turned {
             Some(stage) => stage.halt().await,

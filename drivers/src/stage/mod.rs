@@ -1,4 +1,4 @@
-//! Rotation stages. Each driver turns its own axis in degrees; [`Mounted`] makes it the analyser's angle.
+//! Rotation stages. Each driver turns its axis in degrees; [`Mounted`] converts axis angles to analyser angles.
 
 mod check;
 pub mod elliptec;
@@ -16,38 +16,38 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// The stage of a bench: which driver, and how the analyser sits on it.
+/// The stage of a bench: driver, and mounting of the analyser.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StageConfig {
-    /// Which driver, with its settings.
+    /// Driver and its settings.
     pub driver: StageDriver,
-    /// How the analyser sits on the axis.
+    /// Mounting of the analyser on the axis.
     #[serde(default)]
     pub mounting: Mounting,
 }
 
-/// The drivers of stages: one line each.
+/// Stage drivers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum StageDriver {
     /// The stage of the simulated bench.
     Simulated {},
-    /// A person who turns the analyser when asked.
+    /// A person who turns the analyser on request.
     Hand {},
     /// A rotation stage of Thorlabs' Elliptec series.
     Elliptec(elliptec::Settings),
     /// A rotary axis on a motor controller that runs GRBL 1.1.
     Grbl(grbl::Settings),
-    /// A stage that takes lines of text, which are described here.
+    /// A stage with a text protocol, which is described here.
     Line(Box<line::Settings>),
 }
 
 impl StageConfig {
-    /// Opens a stage that is a device of this machine; None for those that are not: simulated and hand-turned.
+    /// Opens a stage of this machine; `None` for simulated and hand-turned stages.
     ///
     /// # Errors
-    /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
+    /// `Setup` if the stage is missing, may not be opened or is another device; the message contains the remedy.
     pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Stage>>> {
         if let Err(problem) = self.mounting.check() {
             return Some(Err(misconfigured("stage", problem)));
@@ -66,7 +66,7 @@ fn boxed<S: Stage + 'static>(opened: DeviceResult<S>) -> DeviceResult<Box<dyn St
     opened.map(|stage| Box::new(stage) as Box<dyn Stage>)
 }
 
-/// The configuration is wrong: `problem` says which key, and what it must be.
+/// Error of the configuration: `problem` gives the invalid key and its valid values.
 fn misconfigured(device: &str, problem: String) -> DeviceError {
     DeviceError::new(device, "open", "a proper configuration", problem)
         .remedy("correct the configuration of the stage")

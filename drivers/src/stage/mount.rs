@@ -1,4 +1,4 @@
-//! How the analyser sits on a stage's axis: zero, sense, gearing, and from which side angles are approached.
+//! Mounting of the analyser on a stage's axis: zero, sense, gear ratio, and direction of approach.
 
 use super::check;
 use crate::{Arrived, DeviceResult, Stage, StageInfo};
@@ -6,30 +6,31 @@ use async_trait::async_trait;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// In which sense the analyser turns, as the camera sees it, when the axis turns to larger angles.
+/// Sense in which the analyser turns, as seen by the camera, for increasing axis angles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sense {
-    /// As analyser angles count.
+    /// The sense of increasing analyser angles.
     #[default]
     Anticlockwise,
-    /// Against it.
+    /// The opposite sense.
     Clockwise,
 }
 
-/// How the analyser sits on the axis.
+/// Mounting of the analyser on the axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Mounting {
-    /// Angle of the axis, in degrees, at which the analyser stands at 0° (transmits what is polarized along image right).
+    /// Axis angle in degrees for the analyser at 0° (transmission axis along image right).
     pub zero_deg: f64,
-    /// In which sense the analyser turns when the axis turns to larger angles.
+    /// Sense in which the analyser turns for increasing axis angles.
     pub sense: Sense,
     /// Turns of the axis per turn of the analyser.
     pub gear: f64,
-    /// Angles are approached from this far below, in degrees of the analyser: more than the backlash of gears and belts.
+    /// Distance below the target from which angles are approached, in degrees of the analyser: more than the backlash
+    /// of gears and belts.
     pub approach_deg: f64,
-    /// Lowest and highest angle of the analyser, where cables or stops limit it.
+    /// Lowest and highest angle of the analyser in degrees, if cables or stops limit it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits_deg: Option<[f64; 2]>,
 }
@@ -41,10 +42,10 @@ impl Default for Mounting {
 }
 
 impl Mounting {
-    /// Says what is wrong with it.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// The key and what it must be.
+    /// The invalid key and its valid values.
     pub fn check(&self) -> Result<(), String> {
         let sane = |v: f64, low: f64, high: f64| v >= low && v <= high;
         if !sane(self.zero_deg, -1e4, 1e4) {
@@ -71,17 +72,17 @@ impl Mounting {
         }
     }
 
-    /// Angle of the axis at which the analyser stands at `analyser_deg`.
+    /// Axis angle for the analyser at `analyser_deg`.
     pub fn axis_deg(&self, analyser_deg: f64) -> f64 {
         self.zero_deg + self.slope() * analyser_deg
     }
 
-    /// Angle of the analyser when the axis stands at `axis_deg`.
+    /// Analyser angle for the axis at `axis_deg`.
     pub fn analyser_deg(&self, axis_deg: f64) -> f64 {
         (axis_deg - self.zero_deg) / self.slope()
     }
 
-    /// An axis as the analyser that sits on it.
+    /// Converts the axis' properties to those of the mounted analyser.
     pub fn seen(&self, axis: StageInfo) -> StageInfo {
         let mut reach = axis.limits_deg.map(|a| self.analyser_deg(a));
         reach.sort_by(f64::total_cmp);
@@ -93,7 +94,7 @@ impl Mounting {
             speed_deg_s: axis.speed_deg_s / self.gear,
             tolerance_deg: axis.tolerance_deg / self.gear,
             approach_deg: self.approach_deg,
-            // Homing goes on to the analyser's own zero.
+            // After homing, the axis moves to the analyser's zero.
             longest_s: 2.0 * axis.longest_s,
             limits_deg,
             ..axis
@@ -101,14 +102,14 @@ impl Mounting {
     }
 }
 
-/// A stage as the analyser that sits on it: all angles are the analyser's.
+/// A stage with a mounted analyser: all angles are analyser angles.
 pub struct Mounted {
     axis: Box<dyn Stage>,
     mounting: Mounting,
 }
 
 impl Mounted {
-    /// Puts an analyser on an axis.
+    /// Mounts an analyser on an axis.
     pub fn new(axis: Box<dyn Stage>, mounting: Mounting) -> Self {
         Self { axis, mounting }
     }
@@ -156,11 +157,11 @@ mod tests {
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
 
-    /// An axis that goes where it is sent, and its log.
+    /// A fake axis that reaches every target, with a log.
     #[derive(Clone, Default)]
     struct Axis {
         sent: Arc<Mutex<Vec<f64>>>,
-        /// It stands there after homing.
+        /// Position after homing.
         home_deg: f64,
     }
 

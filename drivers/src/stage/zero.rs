@@ -1,20 +1,20 @@
-//! What is known of a stage's zero, without which its angles mean nothing.
+//! Knowledge of a stage's zero, without which its angles are meaningless.
 
-/// Whether a stage's angles can be believed.
+/// Validity of a stage's angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Zero {
-    /// It was not found by this program, or not since something went wrong.
+    /// Not found by this program, or lost after an error.
     Unchecked,
-    /// The stage started anew, lost steps, or was not found where it was left.
+    /// The stage restarted, lost steps, or was not at its last known position.
     Forgotten,
-    /// It was known when a movement from here to there began, in degrees; nothing is known of its end.
+    /// Known at the start of a movement between these angles, in degrees; its end is unknown.
     Going { from: f64, to: f64 },
-    /// It was found, and this is where the axis stood after the last movement, in degrees.
+    /// Known, with the axis at this position after the last movement, in degrees.
     Known(f64),
 }
 
 impl Zero {
-    /// Where the axis was left, if that is known and not where it stands.
+    /// The last known position, if there is one and it differs from the present one.
     pub(super) fn left_elsewhere(self, at_deg: f64, tolerance_deg: f64) -> Option<f64> {
         match self {
             Self::Known(left) if (at_deg - left).abs() > tolerance_deg => Some(left),

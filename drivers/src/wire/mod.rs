@@ -1,6 +1,6 @@
-//! Bytes to and from a device on a cable, and the lines that they make.
+//! Byte streams to and from a device on a serial cable, and their division into lines.
 //!
-//! Time here is the cable's: how long a device may be silent has nothing to do with the bench's clock.
+//! Timeouts here use the cable's clock, not the bench's.
 
 #[cfg(test)]
 pub(crate) mod replay;
@@ -16,62 +16,62 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
 
-/// Whoever waits for bytes gives way after this long, so that a call can be dropped in the middle.
+/// Interval at which waiting for bytes yields, so that a call can be dropped.
 const SLICE: Duration = Duration::from_millis(20);
 
-/// Longest line; what is longer comes in pieces, which no protocol understands.
+/// Maximum line length; longer lines arrive in pieces, which no protocol accepts.
 const MAX_LINE: usize = 256;
 
-/// Most lines that wait; a device that sends more than anybody reads loses the oldest.
+/// Maximum number of buffered lines; beyond it the oldest are lost.
 const MAX_LINES: usize = 256;
 
-/// Lines that came in time are read for this long afterwards.
+/// Time after the deadline in which buffered lines are still read.
 const FLOOD: Duration = Duration::from_secs(1);
 
-/// A device that is to be quiet for a time is waited for this many times as long.
+/// Limit of a wait for silence, as a multiple of the required silence.
 const MAX_TALK: u32 = 10;
 
 /// A cable to a device.
 pub trait Wire: Send {
-    /// Sends all of these bytes.
+    /// Sends all bytes.
     ///
     /// # Errors
-    /// The link is gone.
+    /// If the link is gone.
     fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Bytes that came; 0 when none did within `limit`.
+    /// Receives bytes; returns 0 if none arrived within `limit`.
     ///
     /// # Errors
-    /// The link is gone.
+    /// If the link is gone.
     fn receive(&mut self, buffer: &mut [u8], limit: Duration) -> io::Result<usize>;
 
-    /// Forgets what came and was not read.
+    /// Discards unread bytes.
     ///
     /// # Errors
-    /// The link is gone.
+    /// If the link is gone.
     fn clear(&mut self) -> io::Result<()>;
 
-    /// What time it is on this cable: the machine's own, where nothing is replayed.
+    /// Time on this cable: the system's, except in a replay.
     fn now(&self) -> Instant {
         Instant::now()
     }
 }
 
-/// Cuts bytes into lines, of bounded length and number.
+/// Splits bytes into lines, of bounded length and number.
 pub struct LineBuffer {
-    /// Bytes that end a line.
+    /// Line terminators.
     ends: Vec<u8>,
     begun: Vec<u8>,
     lines: VecDeque<Vec<u8>>,
 }
 
 impl LineBuffer {
-    /// Lines that end with any of these bytes, or several of them; empty ones do not count.
+    /// Lines that end with one or more of these bytes; empty lines are skipped.
     pub fn new(ends: &[u8]) -> Self {
         Self { ends: ends.to_vec(), begun: Vec::new(), lines: VecDeque::new() }
     }
 
-    /// Takes what came.
+    /// Adds received bytes.
     pub fn push(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             let ended = self.ends.contains(&byte);
@@ -87,12 +87,12 @@ impl LineBuffer {
         }
     }
 
-    /// The next whole line, without its end.
+    /// The next complete line, without its terminator.
     pub fn pop(&mut self) -> Option<Vec<u8>> {
         self.lines.pop_front()
     }
 
-    /// Forgets everything.
+    /// Discards everything.
     pub fn clear(&mut self) {
         self.begun.clear();
         self.lines.clear();
@@ -103,32 +103,32 @@ impl LineBuffer {
 pub struct Lines {
     wire: Box<dyn Wire>,
     buffer: LineBuffer,
-    /// What error messages call the device.
+    /// Name of the device in error messages.
     device: String,
 }
 
 impl Lines {
-    /// Lines over a cable. `ends` are the bytes that end a line of the device.
+    /// Lines over a cable. `ends` are the line terminators of the device.
     pub fn new(wire: Box<dyn Wire>, device: &str, ends: &[u8]) -> Self {
         Self { wire, buffer: LineBuffer::new(ends), device: device.to_owned() }
     }
 
-    /// What error messages call the device.
+    /// Name of the device in error messages.
     pub fn device(&self) -> &str {
         &self.device
     }
 
-    /// Gives the device its name, once it is known.
+    /// Sets the device's name, once it is known.
     pub fn rename(&mut self, device: &str) {
         self.device = device.to_owned();
     }
 
-    /// What time it is on the cable.
+    /// Time on the cable.
     pub fn now(&self) -> Instant {
         self.wire.now()
     }
 
-    /// Sends bytes as they are.
+    /// Sends raw bytes.
     ///
     /// # Errors
     /// `Lost`.
@@ -136,7 +136,7 @@ impl Lines {
         self.wire.send(bytes).map_err(|e| self.lost(command, &e))
     }
 
-    /// Forgets what came and was not read.
+    /// Discards unread bytes.
     ///
     /// # Errors
     /// `Lost`.
@@ -145,14 +145,14 @@ impl Lines {
         self.wire.clear().map_err(|e| self.lost(command, &e))
     }
 
-    /// The next line, without its end; none when no whole one came until then.
+    /// The next line without its terminator; `None` if no complete line arrived before the deadline.
     ///
     /// # Errors
     /// `Lost`.
     pub async fn next(&mut self, command: &str, until: Instant) -> DeviceResult<Option<Vec<u8>>> {
         let mut bytes = [0; 256];
         loop {
-            // Whoever skips the lines of a device that never stops talking must come to an end, too.
+            // A caller that skips lines must also terminate if the device sends without end.
             if self.now() > until + FLOOD {
                 self.buffer.clear();
                 return Ok(None);
@@ -170,10 +170,10 @@ impl Lines {
         }
     }
 
-    /// Returns once nothing came for a while; what comes until then is forgotten.
+    /// Returns after a period of silence; bytes received before are discarded.
     ///
     /// # Errors
-    /// `Lost`; `Retry` when it does not become quiet.
+    /// `Lost`; `Retry` if the device does not become silent.
     pub async fn quiet(&mut self, command: &str, time: Duration) -> DeviceResult<()> {
         let begun = self.now();
         while self.next(command, self.now() + time).await?.is_some() {
@@ -194,13 +194,13 @@ impl Lines {
     }
 }
 
-/// A line as error messages show it.
+/// A line as shown in error messages.
 pub fn shown(line: &[u8]) -> String {
     let text: String = line.iter().take(40).map(|b| b.escape_ascii().to_string()).collect();
     format!("“{text}”")
 }
 
-/// Runs what only ever waits for bytes, where no runtime is at hand: each step of it waits for them itself.
+/// Runs a future that waits only for bytes, without a runtime: each of its steps blocks for them.
 pub fn wait<T>(future: impl Future<Output = T>) -> T {
     let mut future = pin!(future);
     loop {
@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(wait(lines.next("ask", until)), Ok(None));
     }
 
-    /// Says the same line for ever.
+    /// Sends the same line without end.
     struct Chatter;
 
     impl Wire for Chatter {

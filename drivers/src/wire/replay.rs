@@ -1,12 +1,12 @@
-//! A cable that replays a transcript, in a time of its own: however slow the machine, answers come at once, and
-//! silence lasts as long as it is waited for.
+//! A cable that replays a transcript on a simulated clock. Independent of the machine's speed, answers arrive at once,
+//! and silence lasts as long as the caller waits.
 
 use super::Wire;
 use std::collections::VecDeque;
 use std::io;
 use std::time::{Duration, Instant};
 
-/// What must be sent, and what comes back then.
+/// Expected bytes, and the answers to them.
 pub(crate) struct Replay {
     steps: VecDeque<(String, String)>,
     waiting: VecDeque<u8>,
@@ -14,7 +14,7 @@ pub(crate) struct Replay {
 }
 
 impl Replay {
-    /// Sending anything else than these, in this order, is a lost link.
+    /// Sending anything else, or in another order, is a lost link.
     pub(crate) fn new(steps: &[(&str, &str)]) -> Self {
         let steps = steps.iter().map(|(sent, came)| ((*sent).to_owned(), (*came).to_owned())).collect();
         Self { steps, waiting: VecDeque::new(), now: Instant::now() }

@@ -1,4 +1,4 @@
-//! Serial ports: real ones, those behind USB, and pseudo-terminals.
+//! Serial ports: built-in, on USB, and pseudo-terminals.
 
 use super::Wire;
 use crate::{Class, DeviceError, DeviceResult};
@@ -7,17 +7,17 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 use std::time::Duration;
 
-/// A port that takes no bytes for this long is gone.
+/// Time limit for sending, after which the port counts as gone.
 const SENDING: Duration = Duration::from_secs(2);
 
-/// A serial port, for this process alone: 8 data bits, no parity, 1 stop bit.
+/// A serial port, exclusive to this process: 8 data bits, no parity, 1 stop bit.
 pub struct SerialWire(TTYPort);
 
 impl SerialWire {
-    /// Opens a port. `device` is what error messages call what is on it.
+    /// Opens a port. `device` is the name of the connected device in error messages.
     ///
     /// # Errors
-    /// `Setup` when it is not there, is in use, or may not be opened.
+    /// `Setup` if the port is missing, in use, or may not be opened.
     pub fn open(device: &str, path: &Path, baud: u32) -> DeviceResult<Self> {
         let port = serialport::new(path.to_string_lossy(), baud)
             .data_bits(DataBits::Eight)
@@ -54,7 +54,7 @@ impl Wire for SerialWire {
     fn receive(&mut self, buffer: &mut [u8], limit: Duration) -> io::Result<usize> {
         self.0.set_timeout(limit)?;
         match self.0.read(buffer) {
-            // Bytes were announced, but the line is cut.
+            // Bytes were announced, but the link is closed.
             Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
             Err(e) if matches!(e.kind(), io::ErrorKind::TimedOut | io::ErrorKind::Interrupted) => Ok(0),
             other => other,

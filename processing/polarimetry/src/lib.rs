@@ -1,8 +1,8 @@
-//! Polarization imaging: the angle of light's polarization behind a turning analyser gives the orientation of a
-//! grating, pixel by pixel (2018 paper, section 5).
+//! Polarization imaging: photographs behind a rotating analyser give the polarization angle, and thereby the
+//! orientation of a grating, of every pixel (2018 paper, section 5).
 //!
-//! Any light behind a linear analyser at angle ψ has the intensity `I(ψ) = (S0 + S1 cos 2ψ + S2 sin 2ψ) / 2`
-//! (Malus). So the fit is linear in three unknowns, exact for any set of angles, and needs no stack of frames:
+//! Any light behind a linear analyser at angle ψ has the intensity `I(ψ) = (S0 + S1 cos 2ψ + S2 sin 2ψ) / 2` (Malus).
+//! The fit is linear in three unknowns, valid for any set of angles, and can process frames one by one:
 //!
 //! ```
 //! use nacre_polarimetry::{Design, Fit};

@@ -1,4 +1,4 @@
-//! Looks at a reconstruction: the maps so far while frames still arrive, and one pixel with all that was measured.
+//! Inspection of a reconstruction: preview maps while frames still arrive, and all measured values of one pixel.
 
 use crate::fit::bracket::{noise_of_bracket, read};
 use crate::fit::merge::Merge;
@@ -12,19 +12,19 @@ use nacre_image::registration::Resampler;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Most bytes of a report that are read: a few numbers and a name for each photograph.
+/// Maximum size of a report in bytes: a few numbers and a name for each photograph.
 const MAX_REPORT: u64 = 1 << 24;
 
-/// What to do where a report is not of the photographs.
+/// Remedy if a report does not belong to the photographs.
 const AGAIN: &str = "reconstruct again";
 
-/// The maps so far, on a coarser grid.
+/// Preview maps on a coarser grid.
 pub struct Glance {
-    /// Photographs in it.
+    /// Number of photographs used.
     pub frames: usize,
-    /// Pixels per row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
     /// Orientation in rad, NaN where masked.
     pub orientation: Vec<f32>,
@@ -35,8 +35,8 @@ pub struct Glance {
 }
 
 impl Running {
-    /// The maps so far, every n-th pixel so that rows have at most `width`; the reconstruction goes on unchanged. None
-    /// as long as the angles cannot tell an orientation.
+    /// Preview maps from every n-th pixel, with at most `width` columns; the reconstruction is unaffected. `None` while
+    /// the angles do not determine an orientation.
     pub fn glance(&self, width: usize) -> Option<Glance> {
         let step = self.sums.width().div_ceil(width.max(1)).max(1);
         let views = &self.views[..self.sums.views()];
@@ -50,22 +50,23 @@ impl Running {
     }
 }
 
-/// What a reconstruction put right in its photographs, one entry for each analyser position; empty where nothing was.
+/// Corrections applied by a reconstruction to its photographs, one entry for each analyser position; empty if none were
+/// applied.
 #[derive(Clone, Debug, Default)]
 pub struct PutRight {
-    /// By how much the analyser stood beside each of its positions.
+    /// Analyser-angle error of each position in degrees.
     angle_errors_deg: Vec<f64>,
-    /// By how much photographs were moved back.
+    /// Shift of each photograph in pixels, which was corrected.
     shifts_px: Vec<[f64; 2]>,
-    /// How images behind a sensor's polarizers were interpolated.
+    /// Interpolation of the images behind a sensor's polarizers.
     demosaic: Demosaic,
 }
 
 impl PutRight {
-    /// Reads it from `report.json` in a folder of results.
+    /// Reads the corrections from `report.json` in a folder of results.
     ///
     /// # Errors
-    /// `Input` when there is no such file, or it is damaged or larger than 16 MiB.
+    /// `Input` if the file is missing, damaged or larger than 16 MiB.
     pub fn read(results: &Path) -> Result<Self> {
         #[derive(Deserialize)]
         struct Said {
@@ -92,49 +93,50 @@ impl PutRight {
         })
     }
 
-    /// Whether it is of so many analyser positions, and of photographs of this size.
+    /// Whether the corrections match the number of analyser positions and the size of the photographs.
     fn fits(&self, views: usize, [width, height]: [usize; 2]) -> bool {
         let counts = [self.angle_errors_deg.len(), self.shifts_px.len()].iter().all(|n| [0, views].contains(n));
         counts && self.shifts_px.iter().all(|[x, y]| x.abs() < width as f64 && y.abs() < height as f64)
     }
 }
 
-/// One pixel of a set of photographs: what was measured, and the sinusoid through it.
+/// One pixel of a set of photographs: measured values, and the fitted sinusoid.
 #[derive(Clone, Debug, Serialize)]
 pub struct Probe {
     /// Column.
     pub x: usize,
     /// Row.
     pub y: usize,
-    /// Light at each analyser angle, in the order of the photographs; of several exposures those that are not saturated.
+    /// Light at each analyser angle, in the order of the photographs; from several exposures the unsaturated ones.
     pub points: Vec<Point>,
-    /// Fitted intensity is (S0 + S1 cos 2ψ + S2 sin 2ψ) / 2.
+    /// S0; the fitted intensity is (S0 + S1 cos 2ψ + S2 sin 2ψ) / 2.
     pub s0: f64,
     /// S1.
     pub s1: f64,
     /// S2.
     pub s2: f64,
-    /// Root mean square of what the fit leaves.
+    /// Root mean square residual of the fit.
     pub residual_rms: f64,
-    /// At some angle every value is saturated, so that the maps leave the pixel out.
+    /// Whether every exposure at some angle is saturated, so that the pixel is masked in the maps.
     pub saturated: bool,
 }
 
 /// A measured value.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
-    /// Analyser angle in degrees, put right where the reconstruction did so.
+    /// Analyser angle in degrees, corrected as in the reconstruction.
     pub analyser_deg: f64,
-    /// Light, moved back where the reconstruction did so.
+    /// Light, with the shift corrected as in the reconstruction.
     pub value: f64,
-    /// Photograph.
+    /// Photograph file.
     pub file: String,
 }
 
-/// Reads one pixel of the maps from all photographs, as the reconstruction put them right.
+/// Reads one pixel of the maps from all photographs, with the corrections of the reconstruction.
 ///
 /// # Errors
-/// `Input` when the set is no polarization set, the pixel lies outside, or other photographs were put right.
+/// `Input` if this is no polarization set, if the pixel lies outside, or if the corrections belong to other
+/// photographs.
 pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Result<Probe> {
     let brackets = brackets(&frames.set.frames);
     let mut views = views(frames, &brackets, right.demosaic)?;
@@ -184,7 +186,8 @@ pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Res
     Ok(Probe { x, y, points, s0: 2.0 * beta[0], s1: 2.0 * beta[1], s2: 2.0 * beta[2], residual_rms, saturated })
 }
 
-/// Light of a photograph at a pixel of its view, whose rows have `width` pixels, moved back, and whether it is bad.
+/// Light of a photograph at a pixel of its view (rows of `width` pixels), with the shift corrected, and whether it is
+/// unusable.
 fn value(
     photograph: &Photograph,
     view: &View,
@@ -210,7 +213,7 @@ mod tests {
     use super::*;
     use crate::Fit;
 
-    /// The thinned fit has the values of the pixels that it keeps.
+    /// The thinned fit has the values of the kept pixels.
     #[test]
     fn a_thinned_fit_keeps_every_nth_pixel() {
         let (width, height) = (7, 5);

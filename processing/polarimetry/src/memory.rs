@@ -1,4 +1,4 @@
-//! What a set of photographs needs: time, memory and disk.
+//! Time, memory and disk space of a reconstruction.
 
 use crate::fit::demosaic::Demosaic;
 use crate::fit::views::{View, brackets, views};
@@ -9,29 +9,30 @@ use nacre_frames::LoadedFrames;
 use nacre_image::budget;
 use std::collections::BTreeSet;
 
-/// Bytes per pixel of the maps: 11 floats while photographs that were moved back are fitted anew (10 while the map is smoothed).
+/// Bytes per pixel of the maps: 11 floats while registered photographs are refitted (10 while the map is smoothed).
 const ALIKE: u64 = 44;
 
-/// The same where exposures are merged: 22 floats.
+/// Bytes per pixel with merged exposures: 22 floats.
 const MERGED: u64 = 88;
 
-/// Bytes that models of gratings take for each of the first [`MODELLED`] pixels of the map. Measured at 0.26 to 16 Mpixel, as the next two.
+/// Memory in bytes of grating models, for each of the first [`MODELLED`] pixels of the map. Measured at 0.26 to 16
+/// Mpixel, as the next two constants.
 const MODELS: u64 = 24;
 const MODELLED: u64 = 4 << 20;
 
-/// Bytes that models of gratings take for a map of any size.
+/// Memory in bytes of grating models for a map of any size.
 const MODELS_ALONE: u64 = 12 << 20;
 
 /// Bytes per pixel while a photograph is interpolated: the four images and two estimates of one.
 const INTERPOLATED: u64 = 24;
 
-/// Photographs, or brackets of them, that are decoded at a time.
+/// Photographs, or brackets of them, that are decoded simultaneously.
 const AT_A_TIME: u64 = 2;
 
-/// What the reconstruction of a set needs, by the headers of its photographs; `gratings` if models of gratings are compared.
+/// Work of the reconstruction of a set, from the headers of its photographs; `gratings` if grating models are compared.
 ///
 /// # Errors
-/// `Input`, naming the first photograph, where it would not fit into memory, and for sets of another kind.
+/// `Input`, naming the first photograph, if the reconstruction would not fit into memory, and for sets of another kind.
 pub fn work(frames: &LoadedFrames, demosaic: Demosaic, gratings: bool) -> Result<Work> {
     let brackets = brackets(&frames.set.frames);
     let views = views(frames, &brackets, demosaic)?;
@@ -42,11 +43,11 @@ pub fn work(frames: &LoadedFrames, demosaic: Demosaic, gratings: bool) -> Result
     Ok(Work { memory_bytes: needed, ..work_of(frames.set.frames.len() * step * step, size, gratings) })
 }
 
-/// What the reconstruction of maps of a size from so many photographs of that size needs, without dark photographs and brackets.
+/// Work of the reconstruction of maps from this number and size of photographs, without dark photographs and brackets.
 pub fn work_of(photographs: usize, size: [usize; 2], gratings: bool) -> Work {
     let pixels = size[0] * size[1];
     let mega = 1e-6 * pixels as f64;
-    // The models are compared on as many points, however large the map is.
+    // The models are compared on a fixed number of points, for maps of any size.
     let models = if gratings { 0.7 + 0.6 * mega } else { 0.0 };
     let seconds = 0.05 + mega * (0.06 + 0.012 * photographs as f64) + models;
     let memory_bytes = pixels as u64 * (ALIKE + 4 * AT_A_TIME) + of_results(pixels, gratings);
@@ -56,7 +57,7 @@ pub fn work_of(photographs: usize, size: [usize; 2], gratings: bool) -> Work {
 }
 
 impl Options {
-    /// What the reconstruction of a set needs.
+    /// Work of the reconstruction of a set.
     ///
     /// # Errors
     /// As [`work`].
@@ -73,14 +74,14 @@ pub fn check_memory(frames: &LoadedFrames, demosaic: Demosaic) -> Result<()> {
     work(frames, demosaic, false).map(drop)
 }
 
-/// Bound in bytes of the memory for pictures and models of a map with this number of pixels.
+/// Upper bound in bytes of the memory for pictures and models of a map with this number of pixels.
 fn of_results(pixels: usize, gratings: bool) -> u64 {
     let pixels = pixels as u64;
     let models = if gratings { MODELS * pixels.min(MODELLED) + MODELS_ALONE } else { 0 };
     budget::overview(pixels) + models
 }
 
-/// Most bytes of photographs and maps at a time. Their number does not grow with that of the photographs.
+/// Largest number of bytes of photographs and maps in memory at a time, independent of the number of photographs.
 fn needed(frames: &LoadedFrames, brackets: &[Vec<usize>], views: &[View], demosaic: Demosaic) -> u64 {
     let LoadedFrames { set, info, .. } = frames;
     let pixels = (info.width * info.height) as u64;

@@ -12,7 +12,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Reconstruct orientation, angle and degree of polarization from photographs behind a rotating analyser or a polarization sensor.
+/// Reconstruct orientation, angle and degree of polarization from photographs behind a rotating analyser or a
+/// polarization sensor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend(
@@ -35,32 +36,35 @@ relative: one unknown offset, common to all pixels, remains."
 ))]
 #[schemars(rename = "PolarizationOptions")]
 pub struct Options {
-    /// Model: plain, or how the fitted phase becomes the orientation of a grating (default: auto for capture sessions, plain for other
-    /// photographs).
+    /// Model: plain, or how the fitted phase becomes the orientation of a grating (default: auto for capture sessions,
+    /// plain for other photographs).
     ///
-    /// plain: Stokes parameters, angle and degree of linear polarization. auto: the simplest grating model that explains the data. sinusoid:
-    /// the phase is the orientation. prenormalized: the phase about the mean of all pixels. circle: the phase about the centre of the circle
-    /// on which they lie. curve: the closest point on the curve of the fitted film.
+    /// plain: Stokes parameters, angle and degree of linear polarization. auto: the simplest grating model that
+    /// explains the data. sinusoid: the phase is the orientation. prenormalized: the phase about the mean of all
+    /// pixels. circle: the phase about the centre of the circle on which they lie. curve: the closest point on the
+    /// curve of the fitted film.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<Model>,
-    /// auto corrects shifts between photographs where that reduces the error; off leaves them (default: auto for models of gratings, off for
-    /// plain).
+    /// auto corrects shifts between photographs where that reduces the error; off leaves them (default: auto for models
+    /// of gratings, off for plain).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub align: Option<Align>,
-    /// auto corrects for oblique incidence where the camera geometry is known and the photographs fit better with it; off leaves it, and σ
-    /// includes it.
+    /// auto corrects for oblique incidence where the camera geometry is known and the photographs fit better with it;
+    /// off leaves it, and σ includes it.
     #[schemars(extend("x-advanced" = true))]
     pub oblique: Oblique,
-    /// Full-size maps of a monochrome polarization sensor: interpolation of the image behind each polarizer (model plain).
+    /// Full-size maps of a monochrome polarization sensor: interpolation of the image behind each polarizer (model
+    /// plain).
     ///
-    /// none: one map pixel per 2×2 super-pixel, the fastest and least noisy. bilinear: means of the nearest pixels. edge-aware: Newton
-    /// polynomials of the difference between polarizers, along edges (Li et al. 2019).
+    /// none: one map pixel per 2×2 super-pixel, the fastest and least noisy. bilinear: means of the nearest pixels.
+    /// edge-aware: Newton polynomials of the difference between polarizers, along edges (Li et al. 2019).
     #[schemars(extend("x-advanced" = true))]
     pub demosaic: Demosaic,
     /// Offset added to every orientation, in degrees.
     #[schemars(extend("x-advanced" = true))]
     pub offset_deg: f64,
-    /// Smoothing of orientations in pictures: none, light (10 rounds of a bilateral filter), strong (50) or a number of rounds.
+    /// Smoothing of orientations in pictures: none, light (10 rounds of a bilateral filter), strong (50) or a number of
+    /// rounds.
     #[schemars(extend("x-advanced" = true))]
     pub smooth: Smoothing,
     /// Also smooth orientation.exr and its σ.
@@ -71,11 +75,13 @@ pub struct Options {
     pub smoothed_exr: bool,
     /// Heuristic periods from the brightness, scaled to MIN:MAX µm.
     ///
-    /// As the 2018 paper does (section 5.4); only their order has a meaning, and uneven light or reflectance shows as a period.
+    /// As the 2018 paper does (section 5.4); only their order has a meaning, and uneven light or reflectance shows as a
+    /// period.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-placeholder" = "MIN:MAX", "x-advanced" = true))]
     pub relative_period: Option<[f64; 2]>,
-    /// Periods from the degree of polarization, known to lie within MIN:MAX µm, for an assumed surface (needs its depth).
+    /// Periods from the degree of polarization, known to lie within MIN:MAX µm, for an assumed surface (needs its
+    /// depth).
     ///
     /// Off by 11 to 18 % for every 10 % of error in depth.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -85,7 +91,8 @@ pub struct Options {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub depth_um: Option<f64>,
-    /// Assumed metal, for contrast_period: aluminium (default), silver, gold, chromium (near 560 nm), or its refractive index N,K.
+    /// Assumed metal, for contrast_period: aluminium (default), silver, gold, chromium (near 560 nm), or its refractive
+    /// index N,K.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-placeholder" = "METAL|N,K", "x-advanced" = true))]
     pub metal: Option<Metal>,
@@ -136,8 +143,9 @@ impl Operation for Options {
 }
 
 impl Options {
-    /// The model asked for. By default [`Model::Auto`] where the sample was lit by a circular panel, which models of gratings assume, and
-    /// [`Model::Plain`] under other light. Sessions of older versions do not state their light: it was the circular panel.
+    /// The model to use. Default: [`Model::Auto`] if the sample was lit by a circularly polarized display, as grating
+    /// models assume, and [`Model::Plain`] under other light. Sessions of older versions do not state their light; it
+    /// was the circularly polarized display.
     pub fn model_for(&self, frames: &LoadedFrames) -> Model {
         let circular = match frames.set.illumination {
             Illumination::CircularPanel => true,
@@ -147,16 +155,16 @@ impl Options {
         self.model.unwrap_or(if circular { Model::Auto } else { Model::Plain })
     }
 
-    /// Whether photographs are moved back. By default under models of gratings; plain polarimetry leaves the photographs as they are, and says where
-    /// they are shifted.
+    /// Whether photographs are registered. Default: under grating models. Plain polarimetry leaves the photographs
+    /// unchanged and reports shifts.
     pub fn align_for(&self, frames: &LoadedFrames) -> Align {
         self.align.unwrap_or(if self.model_for(frames) == Model::Plain { Align::Off } else { Align::Auto })
     }
 
-    /// Refuses what makes no sense, before anything is done; returns how periods are told, with the photographs' wavelength.
+    /// Checks the options before any processing; returns the method of periods, with the photographs' wavelength.
     ///
     /// # Errors
-    /// `Input`, for numbers that make no sense and for a wavelength that nothing says.
+    /// `Input` for invalid numbers, and if the wavelength is unknown.
     pub fn check(&self, frames: &LoadedFrames) -> Result<Option<PeriodMethod>> {
         if !self.offset_deg.is_finite() {
             return Err(Error::input(
@@ -178,7 +186,7 @@ impl Options {
         self.period_method()?.map(|p| p.completed(frames.set.wavelength_nm)).transpose()
     }
 
-    /// The method of periods that is asked for.
+    /// The requested method of periods.
     fn period_method(&self) -> Result<Option<PeriodMethod>> {
         let assumed = [
             ("--depth-um", self.depth_um.is_some()),
@@ -209,7 +217,7 @@ impl Options {
         }
     }
 
-    /// With a method of periods, as requests and jobs of earlier versions state it.
+    /// Sets a method of periods, as stated by requests and jobs of earlier versions.
     #[must_use]
     pub fn with_period(self, method: &PeriodMethod) -> Self {
         match method.clone() {
@@ -225,7 +233,8 @@ impl Options {
         }
     }
 
-    /// Refuses interpolated images of what is no raw frame of a monochrome sensor, and models that need independent pixels.
+    /// Refuses interpolation of photographs other than raw frames of a monochrome sensor, and models that require
+    /// independent pixels.
     fn check_demosaic(&self, frames: &LoadedFrames) -> Result<()> {
         let colour = frames.set.filters().is_some_and(|f| f.colour.is_some());
         let (problem, remedy) = if frames.set.layout.is_none() {
@@ -245,7 +254,7 @@ impl Options {
         Err(Error::input("--demosaic", problem, remedy))
     }
 
-    /// Refuses options that plain polarimetry has no use for.
+    /// Refuses options without effect in plain polarimetry.
     fn check_plain(&self) -> Result<()> {
         let of_gratings = [
             ("--offset-deg", self.offset_deg != 0.0),

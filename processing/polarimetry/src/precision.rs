@@ -1,4 +1,4 @@
-//! How well the orientations are known while a series goes on, and which analyser angle would help most.
+//! Present accuracy of the orientations during a series, and the analyser angle that would improve it most.
 
 use crate::fit::bracket::noise_of_bracket;
 use crate::fit::merge::{Merge, clear_of_white};
@@ -10,20 +10,20 @@ use nacre_base::statistics::quantile;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-/// Pixels that σ is looked at on, and on which angles are compared.
+/// Number of pixels for σ and for the comparison of angles.
 const PIXELS: usize = 100_000;
 const COMPARED: usize = 2048;
 
-/// The share of the pixels whose σ counts.
+/// Quantile of σ over the pixels that is compared with the target.
 const QUANTILE: f64 = 0.9;
 
-/// A wanted σ is out of reach where the least that the most angles can reach is larger by this factor.
+/// A target σ is unreachable if the smallest reachable one exceeds it by this factor.
 pub const HOPELESS: f64 = 1.2;
 
-/// An angle that gains at least this share of what the best one gains is as good.
+/// Gain of an angle, relative to the best one's, that counts as equal.
 const AS_GOOD: f64 = 0.99;
 
-/// What is known of the orientations so far, under the sinusoid model, on a sample of the pixels.
+/// Present knowledge of the orientations, under the sinusoid model, on a sample of the pixels.
 pub struct Precision {
     design: Design,
     angles: Vec<f64>,
@@ -35,18 +35,18 @@ pub struct Precision {
     next: Next,
 }
 
-/// The exposures of a view that is still to be taken.
+/// The exposures of a future view.
 struct Next {
     noise: Vec<FrameNoise>,
-    /// Linear values up to which each of them is not saturated.
+    /// Linear value up to which each exposure is not saturated.
     limits: Vec<f64>,
 }
 
 impl Running {
-    /// How well orientations are known so far.
+    /// Accuracy of the orientations so far.
     ///
     /// # Errors
-    /// `Input` as long as the angles cannot tell an orientation.
+    /// `Input` while the angles do not determine an orientation.
     pub fn precision(&self) -> Result<Precision> {
         let views = &self.views[..self.sums.views()];
         let angles: Vec<f64> = views.iter().map(|v| v.angle).collect();
@@ -60,12 +60,12 @@ impl Running {
         Ok(Precision { design, angles, noise, source, maps, sigma, next })
     }
 
-    /// The next view is exposed as the last one was.
+    /// The next view is assumed to be exposed as the last one.
     fn next(&self, noise: &[FrameNoise]) -> Next {
         let bracket = self.views.get(self.sums.views().saturating_sub(1)).map_or(0, |v| v.bracket);
         let bracket = self.brackets.get(bracket).map_or(&[][..], |b| b);
         let stated = noise_of_bracket(&self.frames, &self.linearizer, bracket);
-        // Where the noise was estimated it is larger or smaller by this.
+        // Ratio of estimated to stated noise.
         let (found, before) = (noise.last(), Merge::together(&stated));
         let factor = found.map_or(1.0, |n| (n.shot + n.floor) / (before.shot + before.floor));
         let scaled = |n: &FrameNoise| FrameNoise { shot: n.shot * factor, floor: n.floor * factor };
@@ -79,7 +79,7 @@ impl Running {
 }
 
 impl Next {
-    /// Variance of the merged exposures at this intensity; none where all are saturated.
+    /// Variance of the merged exposures at this intensity; `None` where all are saturated.
     fn variance(&self, intensity: f64) -> Option<f64> {
         let usable = self.noise.iter().zip(&self.limits).filter(|(_, limit)| intensity < **limit);
         let weight: f64 = usable.map(|(n, _)| 1.0 / (n.shot * intensity.max(0.0) + n.floor)).sum();
@@ -88,21 +88,21 @@ impl Next {
 }
 
 impl Precision {
-    /// Analyser positions so far.
+    /// Number of analyser positions so far.
     pub fn angles(&self) -> usize {
         self.angles.len()
     }
 
-    /// 90th percentile of σ in rad over the pixels that carry an orientation; none when no pixel does.
+    /// 90th percentile of σ in rad over the pixels with an orientation; `None` if there are none.
     pub fn sigma(&self) -> Option<f64> {
         self.quantile(1.0)
     }
 
-    /// At least this, after `angles` analyser positions, σ falling with the root of their number; none when no pixel will
-    /// carry an orientation then.
+    /// Lower bound of σ after `angles` analyser positions, with σ proportional to the inverse root of their number;
+    /// `None` if no pixel will have an orientation.
     ///
-    /// Modulations scatter by twice σ of themselves, and with them σ between like pixels, so that its 90th percentile is too
-    /// large now by up to 1.28 times that.
+    /// Modulations have a relative error of twice σ, and σ varies with them between equal pixels. Its 90th percentile
+    /// is therefore overestimated at present by up to 1.28 times that.
     pub fn least_sigma_after(&self, angles: usize) -> Option<f64> {
         const SCATTER: f64 = 1.28 * 2.0;
         let factor = (self.angles.len() as f64 / angles.max(1) as f64).sqrt();
@@ -110,7 +110,7 @@ impl Precision {
         Some(then / (1.0 + SCATTER * (then / factor).min(0.5 / f64::from(MASK_SNR))))
     }
 
-    /// Whether the noise behind σ is known, not assumed.
+    /// Whether the noise behind σ is known and not assumed.
     pub fn is_certain(&self) -> bool {
         self.source != NoiseSource::Assumed
     }
@@ -121,15 +121,15 @@ impl Precision {
         quantile(&mut carrying, QUANTILE).map(f64::from)
     }
 
-    /// Which of these analyser angles (rad) would lower σ most: the mean over the pixels of the variance that it leaves,
-    /// over the variance now. Among angles that are as good, the one farthest from those taken, which shows more of what
-    /// is no sinusoid. None for no candidates.
+    /// The candidate angle (rad) that reduces σ most: the mean over the pixels of the ratio of the variance after it to
+    /// that before. Among equally good angles the one farthest from those taken, which reveals more of deviations from
+    /// a sinusoid. `None` without candidates.
     pub fn best_angle(&self, candidates: &[f64]) -> Option<f64> {
         let pixels = self.compared();
         let gains: Vec<f64> = candidates.par_iter().map(|psi| 1.0 - self.left_by(*psi, &pixels)).collect();
         let best = gains.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let as_good = candidates.iter().zip(&gains).filter(|(_, gain)| **gain >= best - (1.0 - AS_GOOD) * best.abs());
-        // The first of equals, so that rounding has no say.
+        // The first of equals, so that rounding has no effect.
         as_good
             .map(|(psi, _)| (*psi, self.distance(*psi)))
             .fold(None, |best: Option<(f64, f64)>, (psi, far)| match best {
@@ -149,7 +149,7 @@ impl Precision {
         self.angles.iter().map(to).fold(f64::INFINITY, f64::min)
     }
 
-    /// Pixels to compare angles on: those that carry an orientation, or all with light if none does.
+    /// Pixels for the comparison of angles: those with an orientation, or all with light if there are none.
     fn compared(&self) -> Vec<usize> {
         let lit = |i: &usize| self.maps.s0[*i] > 0.0 && self.sigma[*i] > 0.0;
         let carries = |i: &usize| lit(i) && self.sigma[*i] <= 0.5 / MASK_SNR;
@@ -161,7 +161,7 @@ impl Precision {
         pixels.into_iter().step_by(step).collect()
     }
 
-    /// Mean over pixels of the orientation's variance after another view at `psi` over that now.
+    /// Mean over pixels of the ratio of the orientation's variance after another view at `psi` to the present one.
     fn left_by(&self, psi: f64, pixels: &[usize]) -> f64 {
         let x = Vector3::new(1.0, (2.0 * psi).cos(), (2.0 * psi).sin());
         let now = Covariance::new(&self.design, &self.noise, &self.maps.covariance);
@@ -178,14 +178,14 @@ impl Precision {
         pixels.iter().map(left).sum::<f64>() / pixels.len().max(1) as f64
     }
 
-    /// The covariance when all pixels of a view are alike and there is one more.
+    /// The covariance with one more view, if all pixels of a view have equal weights.
     fn with(&self, psi: f64) -> Option<Covariance<'static>> {
         let angles: Vec<f64> = self.angles.iter().copied().chain([psi]).collect();
         let noise: Vec<FrameNoise> = self.noise.iter().copied().chain(self.noise.last().copied()).collect();
         Some(Covariance::new(&Design::new(&angles).ok()?, &noise, &[]))
     }
 
-    /// The covariance of (C, S) at a pixel when an observation `x` is added to a weighted fit (Sherman and Morrison).
+    /// The covariance of (C, S) at a pixel after an observation `x` is added to a weighted fit (Sherman and Morrison).
     fn added(&self, i: usize, [a, c, s]: [f32; 3], x: &Vector3<f64>) -> [f32; 3] {
         let [aa, ac, as_, cc, cs, ss] = self.maps.covariance.get(i).map_or([f32::NAN; 6], |v| *v).map(f64::from);
         let now = Matrix3::new(aa, ac, as_, ac, cc, cs, as_, cs, ss);
@@ -198,7 +198,7 @@ impl Precision {
     }
 }
 
-/// Variance across the modulation, of `[var C, cov(C, S), var S]`, up to the modulation's size.
+/// Variance across the modulation, from `[var C, cov(C, S), var S]`, up to the modulation's size.
 fn across([cc, cs, ss]: [f32; 3], [_, c, s]: [f32; 3]) -> f64 {
     f64::from(s * s * cc - 2.0 * s * c * cs + c * c * ss)
 }

@@ -1,4 +1,4 @@
-//! From intensities to orientations under one model, or the one that the points prefer.
+//! From intensities to orientations, under a given or the selected model.
 
 use crate::angles::angle_error::distorted;
 use crate::film::asked::{Asked, CLOUD};
@@ -16,31 +16,31 @@ use crate::{
 use nacre_base::vectors::vectorised;
 use rayon::prelude::*;
 
-/// Orientations under the chosen model.
+/// Orientations under the selected model.
 pub(crate) struct Solved {
     pub map: OrientationMaps,
-    /// Pixels of metal without a grating.
+    /// Number of pixels of metal without a grating.
     pub without_grating: usize,
     pub circle: Option<CircleCheck>,
     pub choice: Option<Choice>,
-    /// Gratings that differ by the strength of their modulation, where there are several.
+    /// Gratings that differ in the strength of their modulation, if there are several.
     pub classes: Option<Classes>,
-    /// Of plain polarimetry: whether the points lie on a circle, as of a grating under circular light.
+    /// For plain polarimetry: whether the points lie on a circle, as for a grating under circular light.
     pub grating_like: bool,
-    /// What was done about oblique incidence.
+    /// Correction of oblique incidence.
     pub oblique: Option<ObliqueReport>,
 }
 
-/// How far the views of a pixel show different places.
+/// Relative positions of the views of a pixel.
 #[derive(Default)]
 pub(crate) struct Seen {
-    /// Root mean square of the shifts between photographs that are left, in pixels.
+    /// Root mean square of the remaining shifts between photographs, in pixels.
     pub apart_px: f64,
-    /// Of a polarization sensor.
+    /// Positions of the polarizers, for a polarization sensor.
     pub places: Option<Places>,
 }
 
-/// Pixels that a thread works on in one go.
+/// Pixels per task of a thread.
 const CHUNK: usize = 1 << 14;
 
 impl Solved {
@@ -49,8 +49,9 @@ impl Solved {
         Self { map, without_grating: 0, circle: None, choice: None, classes: None, grating_like: false, oblique: None }
     }
 
-    /// σ of noise becomes that of noise, of the model, of what the lens mixes at edges, and of photographs or polarizers that see different places.
-    /// Plain polarimetry has no model that could be wrong, and light that a lens mixes has the polarization of the mixture.
+    /// Adds systematic errors to the σ of noise: of the model, of mixed pixels at edges, and of photographs or
+    /// polarizers that see different points. Plain polarimetry has no model error, and light mixed by the lens has the
+    /// polarization of the mixture.
     pub fn tell_systematic(&mut self, maps: &StokesMaps, model: Model, seen: &Seen) {
         widen_where_apart(&mut self.map, seen.apart_px as f32);
         if let Some(places) = &seen.places {
@@ -78,20 +79,20 @@ impl Solved {
     }
 }
 
-/// Orientations alone: for charts.
+/// Orientations only, for charts.
 pub fn orient_with(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> OrientationMaps {
     let mut solved = solve_model(maps, design, noise, asked);
     solved.tell_systematic(maps, asked.model, &Seen::default());
     solved.map
 }
 
-/// From intensities to orientations. Consumes the residual map: σ takes its place in memory.
+/// Solves orientations from intensities. Consumes the residual map, whose memory σ reuses.
 pub(crate) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> Solved {
     let residual = std::mem::take(&mut maps.residual);
     solve_with(maps, residual, design, noise, asked)
 }
 
-/// The same while others read the maps.
+/// As [`solve_model`], without mutable access to the maps.
 pub(crate) fn solve_with(
     maps: &StokesMaps,
     residual: Vec<f32>,
@@ -115,19 +116,20 @@ pub(crate) fn solve_with(
     let chosen = &choice.candidates[choice.chosen];
     let lens = Lens { design, noise, model: chosen, correction: correction.as_ref(), offset: asked.offset };
     let (map, without_grating) = locate(maps, residual, &lens);
-    // The check looks at the points as they are.
+    // The test uses uncorrected points.
     let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
     Solved { without_grating, circle, choice: Some(choice), classes, oblique: report, ..Solved::without_model(map) }
 }
 
-/// Points of a sample of the pixels that carry modulation.
+/// Points with modulation, from a sample of the pixels.
 fn modulated(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: usize) -> Vec<CloudPoint> {
     let mut points = cloud(maps, design, noise, count);
     points.retain(|p| p.snr >= f64::from(MASK_SNR));
     points
 }
 
-/// The points of the largest class of gratings, whose model is that of all, and the classes; all points where there is one.
+/// The points of the largest class of gratings, whose model is used for all, and the classes; all points if there is
+/// only one.
 fn of_one_grating(points: Vec<CloudPoint>, asked: &Asked) -> (Vec<CloudPoint>, Option<Classes>) {
     let classes = if asked.model == Model::Auto { Classes::find(&points) } else { None };
     match classes {

@@ -1,5 +1,5 @@
-//! Photographs of gratings behind a film, made point by point with the paper's model: what tests, benchmarks and charts
-//! reconstruct. The virtual bench renders much more; here every effect is a number that can be swept.
+//! Synthetic photographs of gratings behind a film, computed point by point with the paper's model, for tests,
+//! benchmarks and charts. The simulated bench renders more effects; here every effect is a number that can be varied.
 
 use crate::{Design, Fit, FrameNoise, Jones, JonesVector, NoiseModel, Stokes, StokesMaps};
 use nacre_base::Result;
@@ -8,76 +8,76 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
-/// A film on gratings of one period (2018 paper, Eq. 4-6), and the camera that looks at it.
+/// A film on gratings of one period (2018 paper, Eq. 4-6), and the camera.
 #[derive(Clone, Debug)]
 pub struct Synthetic {
     /// Ratio of the grating's two polarizations, `R = r exp(iζ)`.
     pub ratio: Complex<f64>,
-    /// The film's retardance in rad (Δn of Eq. 6).
+    /// Retardance of the film in rad (Δn of Eq. 6).
     pub retardance: f64,
     /// Azimuth of the film's axis in rad.
     pub axis: f64,
-    /// Reflection at the film's front, relative to the light that falls on it (r_p of Eq. 4).
+    /// Reflection at the film's front, relative to the incident light (r_p of Eq. 4).
     pub front: Complex<f64>,
-    /// How much more than a quarter wave the retarder in front of the panel delays, in rad.
+    /// Excess retardance of the display's quarter-wave retarder in rad.
     pub source_error: f64,
-    /// What the panel's light is.
+    /// Polarization of the display's light.
     pub source: Source,
-    /// Light without polarization that is seen beside it, in units of that which falls on the sample.
+    /// Unpolarised stray light, in units of the light incident on the sample.
     pub stray: f64,
-    /// Which orientations are in view.
+    /// Distribution of orientations.
     pub spread: Spread,
-    /// Reflectance varies evenly by ± this share.
+    /// Reflectance is uniformly distributed within ± this fraction.
     pub reflectance: f64,
-    /// The camera. None for no noise.
+    /// Camera noise; `None` for no noise.
     pub noise: Option<NoiseModel>,
-    /// Where the brightest point of a series lies: 1 is white, and what is brighter becomes white.
+    /// Level of the brightest point of a series: 1 is white, and higher values are clipped to white.
     pub exposure: f64,
-    /// Analyser angles in rad, as the reconstruction is told.
+    /// Analyser angles in rad, as given to the reconstruction.
     pub angles: Vec<f64>,
-    /// What the analyser's angles were off by, in rad; missing ones are 0.
+    /// Analyser-angle errors in rad; missing ones are 0.
     pub angle_errors: Vec<f64>,
 }
 
-/// Light that falls on the sample.
+/// Light incident on the sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Source {
-    /// The panel behind its retarder (2018 paper, section 5.1).
+    /// Circular: the display behind its retarder (2018 paper, section 5.1).
     Circular,
-    /// The bare panel: linear at this angle in rad.
+    /// The bare display: linear at this angle in rad.
     Linear(f64),
 }
 
-/// Orientations in view.
+/// Distribution of orientations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Spread {
-    /// All alike.
+    /// Uniform over 180°.
     Even,
-    /// So many, evenly spaced, beginning somewhere.
+    /// This number of equidistant orientations, from a random start.
     Bands(usize),
-    /// Evenly from 0 to this angle in rad.
+    /// Uniform from 0 to this angle in rad.
     Range(f64),
 }
 
-/// Photographs as a camera takes them, and the truth.
+/// Simulated photographs, and the truth.
 pub struct Photographs {
-    /// Linear values per frame, 1 is white.
+    /// Linear values per frame; 1 is white.
     pub frames: Vec<Vec<f32>>,
-    /// Analyser angles in rad, as the reconstruction is told.
+    /// Analyser angles in rad, as given to the reconstruction.
     pub angles: Vec<f64>,
-    /// The same, as a least-squares problem.
+    /// The least-squares problem of these angles.
     pub design: Design,
     /// Noise per frame.
     pub noise: Vec<FrameNoise>,
     /// True orientation per pixel in rad.
     pub truth: Vec<f32>,
-    /// Value from which a pixel is saturated; None when nothing can be.
+    /// Value from which a pixel is saturated; `None` if no pixel can be.
     pub white: Option<f32>,
-    /// Mean over the pixels of the intensity's mean and amplitude over the analyser's turn, without noise.
+    /// Mean over the pixels of the intensity's mean and amplitude over a turn of the analyser, without noise.
     pub light: (f64, f64),
 }
 
-/// Photographs folded into a fit, and the truth.
+/// Fitted photographs, and the truth.
 pub struct Series {
     /// The solved fit.
     pub maps: StokesMaps,
@@ -90,7 +90,7 @@ pub struct Series {
 }
 
 impl Default for Synthetic {
-    /// The paper's first grating without a film, twelve angles, a camera of 40,000 electrons and no unevenness.
+    /// The paper's first grating without a film, twelve angles, a camera of 40,000 electrons and uniform reflectance.
     fn default() -> Self {
         Self {
             ratio: Complex::from_polar(1.1, FRAC_PI_4),
@@ -110,7 +110,7 @@ impl Default for Synthetic {
     }
 }
 
-/// So many angles evenly over 180°, in rad.
+/// `n` equidistant angles over 180°, in rad.
 pub fn even_angles(n: usize) -> Vec<f64> {
     (0..n).map(|k| PI * k as f64 / n as f64).collect()
 }
@@ -140,10 +140,10 @@ impl Synthetic {
         self.field(theta).stokes() + Stokes::unpolarized(2.0 * self.stray)
     }
 
-    /// Photographs `pixels` points, one row, and fits them.
+    /// Simulates photographs of `pixels` points in one row, and fits them.
     ///
     /// # Errors
-    /// When the analyser's angles cannot tell an orientation.
+    /// If the analyser's angles do not determine an orientation.
     pub fn photograph(&self, pixels: usize, seed: u64) -> Result<Series> {
         let Photographs { frames, angles, design, noise, truth, .. } = self.render(pixels, seed)?;
         let mut fit = Fit::new(pixels, 1);
@@ -153,10 +153,10 @@ impl Synthetic {
         Ok(Series { maps: fit.solve(&design), design, noise, truth })
     }
 
-    /// Photographs `pixels` points.
+    /// Simulates photographs of `pixels` points.
     ///
     /// # Errors
-    /// When the analyser's angles cannot tell an orientation.
+    /// If the analyser's angles do not determine an orientation.
     pub fn render(&self, pixels: usize, seed: u64) -> Result<Photographs> {
         let design = Design::new(&self.angles)?;
         let truth = self.orientations(pixels, seed);
@@ -204,19 +204,19 @@ impl Synthetic {
     }
 }
 
-/// The `i`-th number of a stream, 0 to 1.
+/// The `i`-th random number of a stream, 0 to 1.
 fn random(seed: u64, stream: u64, i: usize) -> f64 {
     uniform(seed ^ stream.wrapping_mul(0x9e37_79b9_7f4a_7c15), i as u64)
 }
 
-/// A number from 0 to 1 that depends on `seed` and `i` alone.
+/// A pseudo-random number from 0 to 1, determined by `seed` and `i`.
 pub fn uniform(seed: u64, i: u64) -> f64 {
-    // SplitMix64, twice so that neighbouring seeds have nothing in common.
+    // SplitMix64, applied twice so that neighbouring seeds are uncorrelated.
     let mix = |z: u64| mix(z.wrapping_add(0x9e37_79b9_7f4a_7c15));
     (mix(mix(seed) ^ i) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// A normal deviate that depends on `seed` and `i` alone (Box and Muller).
+/// A normal deviate determined by `seed` and `i` (Box and Muller).
 pub fn normal(seed: u64, i: u64) -> f64 {
     let (u, v) = (uniform(seed, 2 * i).max(1e-300), uniform(seed, 2 * i + 1));
     (-2.0 * u.ln()).sqrt() * (TAU * v).cos()
@@ -228,7 +228,7 @@ mod tests {
     use crate::compare;
     use crate::orient;
 
-    /// Without a film the sinusoid is right to noise; the noise is the camera's.
+    /// Without a film the sinusoid is correct within noise, which is that of the camera.
     #[test]
     fn without_a_film_the_phase_is_the_orientation() {
         let Series { mut maps, design, noise, truth } = Synthetic::default().photograph(20_000, 3).unwrap();

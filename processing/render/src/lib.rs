@@ -1,26 +1,28 @@
-//! Pictures of scenes with surfaces that diffract: what was measured under any light, at an error that is known.
+//! Renders scenes with diffracting surfaces, such as measured materials under any light, with a known error.
 //!
 //! - [`Scene`]: a camera, shapes, lights and materials (TOML).
-//! - [`render`]: passes over a picture until its error is met.
-//! - [`write_picture`], [`write_png`]: linear EXR with its error, and a picture for a screen.
-//! - [`Options`]: the whole as an operation, for the service: from a folder with a scene to one with pictures and a report.
+//! - [`render`]: renders passes until the target error is met.
+//! - [`write_picture`], [`write_png`]: linear EXR with its error, and a PNG for a screen.
+//! - [`Options`]: the operation `render`, which reads a folder with a scene and writes a folder with pictures and a
+//!   report.
 //!
-//! A material's light is computed exactly where it can be: under small lights, a grating's orders are Gaussians as wide as coherence and light
-//! make them, summed up over as many wavelengths as their displacement needs; under environments, they are sums over orders and wavelengths.
-//! Height fields and tables are evaluated as they are, and under environments drawn by multiple importance sampling.
+//! Reflected light is computed in closed form where possible. Under small lights, a grating's orders are Gaussian lobes
+//! whose width follows from the coherence and the size of the light. They are summed over as many wavelengths as their
+//! dispersion requires. Under environments, gratings are sums over orders and wavelengths. Height fields and lookup
+//! tables are evaluated directly, and by multiple importance sampling under environments.
 
-// Description of a scene, as users write it.
+// Scene description, as written by users.
 mod scene;
 mod settings;
 mod vector;
 
-// Parts of a scene, ready for rays.
+// Prepared parts of a scene.
 pub mod environment;
 mod light;
 mod material;
 mod shape;
 
-// From a prepared scene to pictures and files.
+// Rendering of prepared scenes to pictures and files.
 pub mod gpu;
 mod job;
 mod picture;

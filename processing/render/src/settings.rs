@@ -6,45 +6,46 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Most samples of a pixel that may be asked for.
+/// Maximum number of samples per pixel.
 pub(crate) const MOST_SAMPLES: usize = 1 << 20;
 
-/// How tables over half vectors are rendered under environments.
+/// Method of rendering lookup tables under environments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[schemars(rename = "RenderMethod")]
 pub enum Method {
-    /// The cheapest method that meets the error: one correlation for a flat sample, two passes, or samples.
+    /// The cheapest method that meets the target error: one correlation for a flat sample, two passes, or samples.
     #[default]
     Auto,
-    /// Samples of the environment and of the table, by Monte Carlo.
+    /// Monte Carlo samples of the environment and of the table.
     Samples,
-    /// Lookups in environments that two passes filter (2017 CVMP and TOG papers).
+    /// Lookups in environments filtered by two passes (2017 CVMP and TOG papers).
     TwoPass,
 }
 
 /// Settings of a rendering.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Most samples of a pixel, on average over those with light: noisy ones get more, calm ones less.
+    /// Largest number of samples per pixel, averaged over lit pixels: noisy ones receive more, calm ones fewer.
     pub samples: usize,
-    /// Error at which passes end: root mean square of the pixels' standard errors over the mean luminance.
+    /// Target error: root mean square of the pixels' standard errors, relative to the mean luminance.
     pub max_error: f64,
-    /// Fixed number of wavelengths; none to take as many as each place needs.
+    /// Fixed number of wavelengths; `None` for as many as each surface point needs.
     pub wavelengths: Option<usize>,
-    /// File that keeps the state of the rendering.
+    /// File for the saved state of the rendering.
     pub keep: Option<PathBuf>,
-    /// Go on from that file.
+    /// Continue from that file.
     pub resume: bool,
-    /// Also measure the error of the sums over orders and wavelengths, against finer ones.
+    /// Also measure the truncation error of sums over orders and wavelengths, against finer ones.
     pub check: bool,
     /// Render on a graphics card, if one supports the scene.
     pub gpu: bool,
-    /// Distance of spectral bands in nm (1 to 100); none for colours only.
+    /// Spacing of spectral bands in nm (1 to 100); `None` for colours only.
     pub spectral_nm: Option<f64>,
-    /// How tables are rendered under environments.
+    /// Method of rendering lookup tables under environments.
     pub method: Method,
-    /// Most terms per channel and part of a table that two passes take (1 to 96); none for as many as the error needs.
+    /// Largest number of terms per channel and part of a table in two passes (1 to 96); `None` for as many as the error
+    /// requires.
     pub rank: Option<usize>,
 }
 
@@ -66,7 +67,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Refuses settings that make no sense.
+    /// Checks the settings.
     ///
     /// # Errors
     /// `Input`, which names the setting.

@@ -1,4 +1,4 @@
-//! A folder of charts: one subfolder per study with its raw measurements, tables and pictures, and a page that shows all.
+//! Folders of charts: a subfolder per study with raw measurements, tables and pictures, and one page with all pictures.
 
 use super::page::{Entry, html};
 use super::plan::Plan;
@@ -14,46 +14,46 @@ use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
 
-/// A picture that no study draws: computed, or measured as a whole.
+/// A picture that does not come from a study: computed, or measured as a whole.
 pub struct Picture {
-    /// Name of its files and on the command line.
+    /// Name of its files, and its name on the command line.
     pub name: &'static str,
-    /// Pictures that are asked for together.
+    /// Group of pictures that are requested together.
     pub group: &'static str,
     /// Title.
     pub title: &'static str,
-    /// What is to be seen.
+    /// Description of the picture's content.
     pub text: &'static str,
-    /// Draws it.
+    /// Draws the picture.
     pub draw: fn() -> Result<Drawn>,
 }
 
-/// A picture that was drawn.
+/// A drawn picture.
 pub struct Drawn {
-    /// The picture, as an SVG.
+    /// The picture as SVG.
     pub svg: String,
-    /// On what it was measured; empty for what was computed.
+    /// Machine and conditions of the measurement; empty for computed pictures.
     pub measured: String,
-    /// What was measured, as JSON.
+    /// The measured values as JSON.
     pub numbers: Option<String>,
 }
 
 impl From<String> for Drawn {
-    /// Computed, as an SVG.
+    /// A computed picture in SVG.
     fn from(svg: String) -> Self {
         Self { svg, measured: String::new(), numbers: None }
     }
 }
 
-/// What to chart, and where.
+/// Studies and pictures to chart, and the output folder.
 pub struct Request<'a> {
-    /// The folder; charts of other studies in it stay.
+    /// The output folder; charts of other studies in it are kept.
     pub out: &'a Path,
-    /// Measures anew what is already there.
+    /// Repeat existing measurements.
     pub force: bool,
     /// Seed, runs, effort, program version.
     pub plan: Plan,
-    /// How they are drawn.
+    /// Style of the charts.
     pub look: Look,
     /// Studies to measure.
     pub studies: &'a [Study],
@@ -61,10 +61,10 @@ pub struct Request<'a> {
     pub pictures: &'a [Picture],
 }
 
-/// What a folder of charts holds: the file `charts.json`.
+/// Content of a folder of charts: the file `charts.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Charted {
-    /// In the order of the page.
+    /// Charts in the order of the page.
     pub charts: Vec<Chart>,
 }
 
@@ -73,26 +73,26 @@ pub struct Charted {
 pub struct Chart {
     /// Name.
     pub name: String,
-    /// Its group.
+    /// Group.
     pub group: String,
     /// Title.
     pub title: String,
-    /// What is asked or shown.
+    /// Question of the study, or description of the picture.
     pub text: String,
-    /// Whether it is a quick look.
+    /// Whether the effort was [`Effort::Quick`].
     pub quick: bool,
-    /// Machine, program, seed and runs; empty for what is computed and not measured.
+    /// Machine, program, seed and runs; empty for computed pictures.
     pub measured: String,
-    /// Its files, relative to the folder.
+    /// Files, relative to the folder.
     pub files: Vec<String>,
 }
 
-/// Measures and draws what was asked for. An interrupted call can be repeated and goes on where it stopped; files appear
-/// whole or not at all.
+/// Measures the requested studies and draws their charts. An interrupted call can be repeated and continues from the
+/// stored measurements. Files are written atomically.
 ///
 /// # Errors
-/// `Error::Input` when the folder holds something else, or measurements under another seed or program without `force`;
-/// `Error::Output` when the system refuses; whatever a study fails with; `Error::Cancelled`.
+/// `Error::Input` if the folder holds other files, or measurements under another seed or program without `force`.
+/// `Error::Output` if the system refuses access. Any error of a study. `Error::Cancelled`.
 pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
     let out = request.out;
     prepare(out)?;
@@ -142,13 +142,13 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
     Ok(charted)
 }
 
-/// Largest `charts.json` that is read, in bytes.
+/// Maximum size of `charts.json` in bytes.
 const MAX_CATALOGUE: u64 = 64 << 20;
 
-/// What a folder of charts holds; nothing when it has no `charts.json`.
+/// Reads the catalogue of a folder of charts; returns an empty catalogue if there is no `charts.json`.
 ///
 /// # Errors
-/// When the file cannot be read or is something else.
+/// If the file cannot be read or has another format.
 pub fn catalogue(folder: &Path) -> Result<Charted> {
     let path = folder.join("charts.json");
     match input::read(&path, MAX_CATALOGUE) {
@@ -159,7 +159,8 @@ pub fn catalogue(folder: &Path) -> Result<Charted> {
     }
 }
 
-/// Makes the folder, or sees to it that an existing one is ours: it says so by a mark from the first moment on.
+/// Creates the folder, or checks the mark of an existing one. The mark is written first, so that an interrupted chart
+/// can be continued.
 fn prepare(out: &Path) -> Result<()> {
     const MARK: &str = ".nacre-charts";
     let refused = |e| Error::output(out, e);
@@ -208,7 +209,7 @@ fn measured(summary: &Summary) -> String {
     )
 }
 
-/// Groups with enough studies for a picture of small panels.
+/// Groups with enough studies for an overview picture.
 fn groups(summaries: &[Summary]) -> Vec<&str> {
     let mut found: Vec<&str> = vec![];
     for s in summaries {
@@ -241,7 +242,7 @@ fn write_pictures(out: &Path, name: &str, svg: &str, width: Width) -> Result<Vec
 }
 
 impl Charted {
-    /// Adds a chart, or replaces the one of that name in its place.
+    /// Adds a chart, or replaces the chart of the same name at its position.
     fn put(&mut self, chart: Chart) {
         match self.charts.iter_mut().find(|c| c.name == chart.name) {
             Some(old) => *old = chart,

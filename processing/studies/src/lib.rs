@@ -1,12 +1,12 @@
-//! Speed against accuracy, and where a method breaks: what every method of this crate is charted with.
+//! Measurement of error against computing time, and of the limits of each method.
 //!
-//! A [`Study`] names a knob and its settings, scenes of rising difficulty, and how one setting is run on one scene. The
-//! runner measures each pair several times and keeps every measurement in a file, so that an interrupted chart goes on
-//! where it stopped. From the measurements come, side by side, the time against the error with the front of the settings
-//! that nothing beats, and the error against the difficulty with the shares of pixels that were masked and of those that
-//! are wrong and say otherwise.
+//! A [`Study`] defines a parameter with its settings, scenes of increasing difficulty, and a function that runs a
+//! setting on a scene. The runner measures each pair several times and stores every measurement in a file, so that an
+//! interrupted chart can be continued. Each chart has two panels. The first shows time against error, with the Pareto
+//! front of the settings. The second shows error against difficulty, with the fractions of masked and of confidently
+//! wrong pixels.
 //!
-//! A study of one's own is a value of [`Study`]:
+//! To define a study, construct a [`Study`]:
 //!
 //! ```
 //! use nacre_studies::{Axis, Outcome, Plan, Scene, Setting, Study, measure};

@@ -1,13 +1,13 @@
-//! How charts look: with or without titles, for a screen or for a journal's columns.
+//! Style of charts: with or without titles, for a screen or for a journal's columns.
 
 use std::str::FromStr;
 
-/// How charts look.
+/// Style of charts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Look {
-    /// Titles of figure and panels; captions have them in print.
+    /// Draw titles of figure and panels. In print, captions replace them.
     pub titles: bool,
-    /// How wide they are.
+    /// Width of the charts.
     pub width: Width,
 }
 
@@ -17,20 +17,20 @@ impl Default for Look {
     }
 }
 
-/// How wide a chart is.
+/// Width of a chart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Width {
     /// 1280 px, for a screen.
     #[default]
     Page,
-    /// One column of a journal, 85 mm: panels below each other.
+    /// One column of a journal, 85 mm, with the panels stacked.
     Single,
-    /// Both columns, 178 mm.
+    /// Both columns of a journal, 178 mm.
     Double,
 }
 
 impl Width {
-    /// Width in print, mm; none for a screen.
+    /// Width in print in mm; `None` for a screen.
     pub fn mm(self) -> Option<f64> {
         match self {
             Self::Page => None,
@@ -39,7 +39,7 @@ impl Width {
         }
     }
 
-    /// Pixels of a picture per pixel of its SVG, of which there are 96 in an inch: 144 per inch on a screen, 300 in print.
+    /// PNG pixels per SVG pixel (96 per inch): 144 per inch on a screen, 300 in print.
     pub(super) fn zoom(self) -> f32 {
         if self == Self::Page { 1.5 } else { 300.0 / 96.0 }
     }

@@ -1,20 +1,20 @@
-//! On what a chart was measured.
+//! Description of the computer on which a chart was measured.
 
 use serde::{Deserialize, Serialize};
 
-/// The computer; times of different ones do not belong in one chart.
+/// The computer. Times of different computers must not be mixed in one chart.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Machine {
-    /// Model of the processor, as the system calls it.
+    /// Processor model, as reported by the system.
     pub cpu: String,
-    /// Threads that the program may use.
+    /// Number of threads available to the program.
     pub cores: usize,
     /// Operating system and architecture.
     pub system: String,
 }
 
 impl Machine {
-    /// This computer.
+    /// Describes this computer.
     pub fn this() -> Self {
         let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         Self {
@@ -25,7 +25,7 @@ impl Machine {
     }
 }
 
-/// Model of the first processor in Linux's `/proc/cpuinfo`; ARM kernels give none.
+/// Model name of the first processor in Linux's `/proc/cpuinfo`; ARM kernels do not report one.
 fn model(text: &str) -> Option<&str> {
     let line = text.lines().find(|line| line.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim())

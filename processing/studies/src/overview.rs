@@ -9,7 +9,8 @@ use nacre_plot::svg::{Anchor, Area, Axes, Ruler, Svg, fill, text_width};
 const COLUMNS: usize = 4;
 const PANEL: [f64; 2] = [310.0, 250.0];
 
-/// Small multiples of the settings' medians; red rings as in the large pictures, hollow marks where most is masked.
+/// Small multiples of the settings' medians. Red rings mark confidently wrong points, hollow marks those with most
+/// pixels masked.
 pub(super) fn draw(title: &str, studies: &[&Summary]) -> String {
     let rows = studies.len().div_ceil(COLUMNS);
     let columns = studies.len().min(COLUMNS);
@@ -45,7 +46,7 @@ fn legend(svg: &mut Svg, studies: &[&Summary]) {
     svg.text([x + 18.0, 60.0], text, 12.5, Anchor::Start, &fill(SOFT));
 }
 
-/// `first` in its row carries the title of the error.
+/// Draws one panel; the first one in a row carries the title of the error axis.
 fn panel(svg: &mut Svg, area: Area, summary: &Summary, first: bool) {
     let shown: Vec<usize> = (0..summary.settings.len()).filter(|s| summary.settings[*s].in_sweep).collect();
     let points: Vec<&Point> = summary.points.iter().filter(|p| shown.contains(&p.setting)).collect();

@@ -1,4 +1,4 @@
-//! `index.html`: all charts of a folder on one page that needs nothing else.
+//! `index.html`: a self-contained page with all charts of a folder.
 
 use nacre_plot::svg::escape;
 use std::fmt::Write;
@@ -8,7 +8,7 @@ pub(super) struct Entry {
     pub name: String,
     pub title: String,
     pub text: String,
-    /// How it was measured, if it was.
+    /// Conditions of the measurement; empty for computed pictures.
     pub measured: String,
     /// Files besides the picture, relative to the folder.
     pub files: Vec<String>,
@@ -23,7 +23,7 @@ a { color: var(--link); } nav { margin: 12px 0 20px; display: flex; flex-wrap: w
 section { background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 18px; margin: 0 0 20px; }
 img { display: block; width: 100%; height: auto; background: #fff; border-radius: 4px; }";
 
-/// The page.
+/// Renders the page as HTML.
 pub(super) fn html(entries: &[Entry]) -> String {
     let mut body = String::from("<h1>Charts: speed, accuracy, stability</h1>\n");
     body.push_str("<nav>");

@@ -1,7 +1,7 @@
-//! Which settings nothing beats.
+//! Pareto-optimal settings.
 
-/// Positions of the points `(cost, error)` that no other point beats in both, from the cheapest to the dearest. Points
-/// with something that is not a number never count; of equal points the first does.
+/// Positions of the Pareto-optimal points `(cost, error)`, by increasing cost. Points with NaN are excluded; of equal
+/// points the first is kept.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).filter(|&i| !points[i].0.is_nan() && !points[i].1.is_nan()).collect();
     order.sort_by(|&a, &b| {
@@ -30,7 +30,8 @@ mod tests {
     }
 
     proptest! {
-        /// On the front exactly when no other point is as good in both and better in one; checked pair by pair.
+        /// A point is on the front exactly if no other point is as good in both coordinates and better in one (checked
+        /// pairwise).
         #[test]
         fn it_is_the_definition(points in prop::collection::vec((0u8..20, 0u8..20), 0..40)) {
             let points: Vec<(f64, f64)> = points.into_iter().map(|(c, e)| (c.into(), e.into())).collect();

@@ -1,4 +1,4 @@
-//! The picture of a study: time against error, and error against difficulty.
+//! Picture of a study: time against error, and error against difficulty.
 
 use nacre_plot::style::{ALARM, INK, SOFT, number};
 
@@ -6,15 +6,15 @@ use super::style::{WRONG, method_color, methods, shape};
 use super::{Look, Scale, Summary, Width, sweep, trade};
 use nacre_plot::svg::{Anchor, Area, Svg, bold_width, fill, text_width};
 
-/// Height of a panel, of a figure's title, and of a panel's title.
+/// Heights of a panel, of the figure title, and of a panel title.
 const PANEL: f64 = 440.0;
 const TITLE: f64 = 52.0;
 const PANEL_TITLE: f64 = 44.0;
 
-/// Width, and the room left of a panel for its ticks and title.
+/// Width of the figure, and left margin of a panel for ticks and axis title.
 struct Form {
     width: f64,
-    /// Beside each other, or below each other.
+    /// Panels side by side, or stacked.
     beside: bool,
     trade: f64,
     trade_width: f64,
@@ -30,7 +30,7 @@ impl Form {
     }
 }
 
-/// The study as an SVG.
+/// Draws the study as SVG.
 pub(super) fn draw(summary: &Summary, look: Look) -> String {
     let form = Form::of(look.width);
     let names = summary.stress.scale == Scale::Names;
@@ -78,20 +78,20 @@ fn titles(svg: &mut Svg, [left, right]: [Area; 2], summary: &Summary, names: boo
         "°" | "%" => summary.stress.unit.clone(),
         unit => format!(" {unit}"),
     };
-    // The first word is what the axis shows: photographs where they are counted in place of time.
+    // The axis shows a cost where it counts photographs instead of time.
     let cost = if summary.time.unit.is_empty() { "Cost" } else { "Time" };
     let title = format!("{cost} against error, where {} = {value}{unit}", summary.stress.name);
     let title = if names { format!("{cost} against error, at “{value}”") } else { title };
-    // Long ones are written smaller, so that they end with their panel.
+    // Long titles use a smaller font, to stay within their panel.
     let size = fitting(&title, 14.5, left.w);
     svg.text([left.x, left.y - 14.0], &title, size, Anchor::Start, "font-weight=\"bold\"");
     svg.text([right.x, right.y - 14.0], "Error, and where it breaks", 14.5, Anchor::Start, "font-weight=\"bold\"");
 }
 
-/// Draws a sign at a place.
+/// Draws a mark at a position.
 type Draw = dyn Fn(&mut Svg, [f64; 2]);
 
-/// A sign and what it means.
+/// A legend entry: mark and text.
 struct Sign {
     draw: Box<Draw>,
     text: String,
@@ -141,7 +141,7 @@ fn signs(summary: &Summary) -> Vec<Sign> {
     signs
 }
 
-/// Signs in rows of a width, each with where it begins.
+/// Distributes legend entries over rows of a given width; returns each with its x position.
 fn rows(signs: &[Sign], width: f64) -> Vec<Vec<(f64, &Sign)>> {
     const START: f64 = 28.0;
     let (mut rows, mut x) = (vec![vec![]], START);

@@ -1,34 +1,34 @@
-//! How thoroughly a study is measured.
+//! Effort of a measurement.
 
 use serde::{Deserialize, Serialize};
 
-/// How thorough.
+/// Size of the scenes and number of runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Effort {
-    /// For conclusions.
+    /// Full-size scenes, as needed for conclusions.
     Full,
-    /// Small scenes and three runs: shows that everything works, says little about time.
+    /// Small scenes and three runs. Checks that a study works; its times are not representative.
     Quick,
 }
 
 impl Effort {
-    /// `full`, or `quick` for a quick look.
+    /// Returns `full` or `quick`, according to the effort.
     pub fn pick<T>(self, full: T, quick: T) -> T {
         if self == Self::Full { full } else { quick }
     }
 }
 
-/// What makes two measurements comparable.
+/// Conditions under which two measurements are comparable.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Plan {
     /// Seed of all scenes.
     pub seed: u64,
-    /// Repetitions, each with scenes of its own.
+    /// Number of repetitions, each with different scenes.
     pub runs: usize,
-    /// How thorough.
+    /// Effort.
     pub effort: Effort,
-    /// The program that measures; measurements of different builds are not mixed.
+    /// Version of the measuring program; measurements of different builds are not mixed.
     pub version: String,
 }
 

@@ -1,5 +1,5 @@
-//! The file of measurements: JSON Lines, one header, then one line per measurement, each synced. A torn last line, as a
-//! killed program leaves it, is cut.
+//! The file of measurements: JSON Lines with one header, then one line per measurement, each synced to disk. An
+//! incomplete last line, left by a killed program, is cut.
 
 use super::{Machine, Outcome, Plan, Study};
 use nacre_base::{Error, Result, writable};
@@ -17,12 +17,12 @@ pub struct Record {
     pub scene: usize,
     /// Position in [`Study::settings`].
     pub setting: usize,
-    /// What came out.
+    /// Result of the run.
     #[serde(flatten)]
     pub outcome: Outcome,
 }
 
-/// What all measurements of a file have in common; a file is only continued under the same.
+/// Conditions common to all measurements of a file; a file is continued only under the same conditions.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Header {
     study: String,
@@ -32,21 +32,21 @@ struct Header {
     scenes: Vec<String>,
 }
 
-/// Largest file of measurements that is read, in bytes.
+/// Maximum size of a file of measurements in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
 /// The open file, locked against a second program.
 pub(super) struct RawFile {
     file: File,
-    /// What it holds already.
+    /// Measurements already in the file.
     pub records: Vec<Record>,
 }
 
 impl RawFile {
-    /// Opens or begins the file of a study.
+    /// Opens or creates the file of a study.
     pub fn open(path: &Path, study: &Study, plan: &Plan) -> Result<Self> {
         let refused = |e| Error::output(path, e);
-        // A pipe or a device would be read without end.
+        // Reading a pipe or a device would not end.
         writable(path)?;
         let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(refused)?;
         match file.try_lock() {
@@ -82,7 +82,7 @@ impl RawFile {
         Ok(raw)
     }
 
-    /// Adds a measurement; it is on the disk when this returns.
+    /// Appends a measurement and syncs it to disk.
     pub fn push(&mut self, record: Record, path: &Path) -> Result<()> {
         self.line(&record).map_err(|e| Error::output(path, e))?;
         self.records.push(record);

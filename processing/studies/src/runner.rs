@@ -7,12 +7,12 @@ use nacre_base::Result;
 use nacre_base::progress::Progress;
 use std::path::Path;
 
-/// Measures what the file of raw measurements does not hold yet, and returns all. Runs are the outermost loop, so that a
-/// machine that grows slow meanwhile does so for every setting; one unrecorded measurement warms it up.
+/// Measures all pairs that are missing in the file of raw measurements, and returns all. Runs are the outermost loop,
+/// so that a slowdown of the machine affects all settings alike. One unrecorded measurement warms up the caches.
 ///
 /// # Errors
-/// When the file is of another study or plan, cannot be written, when a run fails, or when `progress` says to stop (then
-/// the same call goes on later).
+/// If the file belongs to another study or plan or cannot be written, if a run fails, or if `progress` requests a stop
+/// (the same call then continues later).
 pub fn measure(study: &Study, plan: &Plan, raw: &Path, progress: &dyn Progress) -> Result<Vec<Record>> {
     let mut file = RawFile::open(raw, study, plan)?;
     let cases = cases(study, plan);
@@ -39,7 +39,7 @@ fn cases(study: &Study, plan: &Plan) -> Vec<(usize, usize, usize)> {
     (0..plan.runs).flat_map(of_run).collect()
 }
 
-/// All settings see the same scene, so that they are compared on equal terms.
+/// All settings use the same scene, for a fair comparison.
 fn scene_seed(seed: u64, run: usize, scene: usize) -> u64 {
     seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ ((run as u64) << 32) ^ (scene as u64)
 }
@@ -52,7 +52,7 @@ mod tests {
     use nacre_base::progress::Silent;
     use std::sync::atomic::{AtomicU64, Ordering};
 
-    /// Says stop after some steps, as Ctrl-C does.
+    /// Requests a stop after some steps, as Ctrl-C does.
     struct Impatient(AtomicU64);
 
     impl Progress for Impatient {
@@ -75,7 +75,7 @@ mod tests {
         for steps in [1, 10, 60] {
             let stopped = measure(&study(), &plan, &pieces, &Impatient(AtomicU64::new(steps)));
             assert!(matches!(stopped, Err(Error::Cancelled)));
-            // A kill in the middle of a write.
+            // Simulates a kill during a write.
             let mut bytes = std::fs::read(&pieces).unwrap();
             bytes.truncate(bytes.len() - 7);
             std::fs::write(&pieces, bytes).unwrap();
@@ -84,7 +84,7 @@ mod tests {
         assert_eq!(records_without_time(&resumed), records_without_time(&uninterrupted));
         let lines = |path: &Path| std::fs::read_to_string(path).unwrap().lines().count();
         assert_eq!((lines(&pieces), lines(&whole)), (151, 151));
-        // Once complete, nothing is measured again: the times stay, too.
+        // A complete file is not measured again: the times are unchanged.
         assert_eq!(measure(&study(), &plan, &pieces, &Silent).unwrap(), resumed);
     }
 

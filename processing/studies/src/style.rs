@@ -2,13 +2,14 @@
 
 use super::Summary;
 
-/// Okabe and Ito's colours without the yellow, which is lost on white; told apart with every common colour blindness.
+/// Colours of Okabe and Ito without yellow, which is invisible on white; distinguishable with all common forms of
+/// colour blindness.
 const METHODS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#333333"];
 
-/// For settings of one method: darker is more, so that the order shows without colour.
+/// Colours for the settings of one method. Darker means more, so that the order is visible without colour.
 const RAMP: [&str; 6] = ["#e8a33a", "#dd6f4d", "#bd4576", "#8a2f8f", "#54278f", "#1f1a5c"];
 
-/// Share of confidently wrong pixels from which a point is ringed.
+/// Fraction of confidently wrong pixels from which a point is ringed.
 pub(super) const WRONG: f64 = 0.01;
 
 /// Methods of a study, in the order of their first setting.
@@ -22,8 +23,8 @@ pub(super) fn methods(summary: &Summary) -> Vec<&str> {
     names
 }
 
-/// Colour of a setting: its method's, or its place on the ramp where there is but one method. Settings of a method that are drawn together go from
-/// light to dark.
+/// Colour of a setting: that of its method, or of the ramp if there is only one method. Settings of a method that are
+/// drawn together go from light to dark.
 pub(super) fn color(summary: &Summary, setting: usize) -> String {
     if methods(summary).len() > 1 || summary.settings.len() == 1 {
         let (base, together) = (method_color(summary, setting), beside(summary, setting));
@@ -36,7 +37,7 @@ pub(super) fn color(summary: &Summary, setting: usize) -> String {
     RAMP[(setting * (RAMP.len() - 1) + last / 2) / last].into()
 }
 
-/// Colour of a setting's method, of several.
+/// Colour of a setting's method in a study of several methods.
 pub(super) fn method_color(summary: &Summary, setting: usize) -> String {
     let at = methods(summary).iter().position(|m| *m == summary.settings[setting].method).unwrap_or(0);
     METHODS[at % METHODS.len()].into()
@@ -61,7 +62,8 @@ fn shade(color: &str, dark: f64) -> String {
     format!("#{:02x}{:02x}{:02x}", part(0), part(1), part(2))
 }
 
-/// Name of a setting beside its curve: that of a method with one setting; else the setting's own, with the method's where another curve has the same.
+/// Label of a setting beside its curve: the method's name if it has one setting, otherwise the setting's. The method is
+/// added if another curve has the same label.
 pub(super) fn label(summary: &Summary, setting: usize) -> String {
     let own = &summary.settings[setting];
     if methods(summary).len() < 2 {
@@ -75,7 +77,7 @@ pub(super) fn label(summary: &Summary, setting: usize) -> String {
     if summary.settings.iter().any(same) { format!("{}, {}", own.method, own.label) } else { own.label.clone() }
 }
 
-/// Shape of a setting's marks, which tells methods apart in black and white.
+/// Mark shape of a setting, to distinguish methods in black and white.
 pub(super) fn shape(summary: &Summary, setting: usize) -> usize {
     methods(summary).iter().position(|m| *m == summary.settings[setting].method).unwrap_or(0)
 }

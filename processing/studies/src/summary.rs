@@ -14,66 +14,66 @@ pub struct Quartiles {
     pub q3: f64,
 }
 
-/// A setting on a scene over all runs.
+/// A setting on a scene, over all runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// Position in the settings.
     pub setting: usize,
     /// Position in the scenes.
     pub scene: usize,
-    /// How many runs.
+    /// Number of runs.
     pub runs: usize,
-    /// Error in its unit; None when most runs masked everything.
+    /// Error in its unit; `None` if most runs masked everything.
     pub error: Option<Quartiles>,
     /// Time in s.
     pub seconds: Quartiles,
-    /// Share masked, median.
+    /// Median masked fraction.
     pub masked: f64,
-    /// Share confidently wrong, median.
+    /// Median fraction of confidently wrong pixels.
     pub wrong: f64,
-    /// Expected error, median.
+    /// Median expected error.
     pub predicted: Option<f64>,
-    /// On its scene nothing is both faster and better.
+    /// Whether it is Pareto-optimal on its scene.
     pub front: bool,
 }
 
-/// A study's results.
+/// Results of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Name of the study.
     pub name: String,
-    /// Its group.
+    /// Group of the study.
     pub group: String,
     /// Title.
     pub title: String,
-    /// What is asked.
+    /// Question of the study.
     pub question: String,
-    /// What the settings vary.
+    /// The parameter varied by the settings.
     pub knob: Axis,
-    /// What the scenes vary.
+    /// The quantity varied by the scenes.
     pub stress: Axis,
-    /// What is measured.
+    /// The measured error.
     pub error: Axis,
-    /// What the time is for.
+    /// Quantity of the time axis.
     pub time: Axis,
-    /// What the expected error is.
+    /// Name of the expected error.
     pub predicted: String,
     /// Settings.
     pub settings: Vec<Setting>,
     /// Scenes.
     pub scenes: Vec<Scene>,
-    /// The scene of time against error.
+    /// The scene of the time-against-error panel.
     pub reference: usize,
     /// Seed, runs, program.
     pub plan: Plan,
     /// The computer.
     pub machine: Machine,
-    /// One per setting and scene.
+    /// One point per setting and scene.
     pub points: Vec<Point>,
 }
 
 impl Quartiles {
-    /// Of some numbers, interpolated between neighbours; None of none.
+    /// Quartiles of some numbers, interpolated between neighbours; `None` for an empty slice.
     pub fn of(values: &[f64]) -> Option<Self> {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -93,14 +93,14 @@ impl Summary {
         self.points.iter().find(|p| p.setting == setting && p.scene == scene)
     }
 
-    /// Points of a scene whose error is known, as `(position in points, seconds, error)`.
+    /// Points of a scene with a known error, as `(position in points, seconds, error)`.
     pub(super) fn of_scene(&self, scene: usize) -> Vec<(usize, f64, f64)> {
         let points = self.points.iter().enumerate().filter(|(_, p)| p.scene == scene);
         points.filter_map(|(i, p)| Some((i, p.seconds.median, p.error?.median))).collect()
     }
 }
 
-/// Median and quartiles of every setting on every scene that was measured.
+/// Computes median and quartiles of every measured setting and scene.
 pub fn summarize(study: &Study, plan: &Plan, records: &[Record]) -> Summary {
     let pairs = (0..study.settings.len()).flat_map(|s| (0..study.scenes.len()).map(move |c| (s, c)));
     let points = pairs.filter_map(|(setting, scene)| point(setting, scene, records)).collect();

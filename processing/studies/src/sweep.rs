@@ -1,4 +1,4 @@
-//! Error against what makes the task hard, and below it the shares of pixels masked and confidently wrong.
+//! Error against the stress, and below it the fractions of masked and of confidently wrong pixels.
 
 use super::style::{WRONG, color, label, shape};
 use super::{Point, Scale, Summary};
@@ -6,11 +6,11 @@ use nacre_plot::spread_out;
 use nacre_plot::style::ALARM;
 use nacre_plot::svg::{Anchor, Area, Axes, Ruler, Svg, fill};
 
-/// Height of one strip of shares, and the gap above it.
+/// Height of one strip of fractions, and the gap above it.
 const STRIP: f64 = 58.0;
 const GAP: f64 = 26.0;
 
-/// Draws the settings that are marked for it.
+/// Draws the settings that are marked for the sweep.
 pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
     let shown: Vec<usize> = (0..summary.settings.len()).filter(|s| summary.settings[*s].in_sweep).collect();
     let label_room = if shown.len() > 1 { 8.0 + longest(summary, &shown) } else { 0.0 };
@@ -92,7 +92,7 @@ fn error(svg: &mut Svg, area: Area, x: Ruler, names: &[String], summary: &Summar
     }
 }
 
-/// Medians joined, quartiles shaded; scenes with names are not joined by more than a faint line.
+/// Draws joined medians and shaded quartiles; named scenes are joined by a faint line only.
 fn curve(svg: &mut Svg, run: &[&Point], at: &impl Fn(&Point) -> f64, y: Ruler, ink: &str, faint: bool) {
     let side = |pick: fn(&super::Quartiles) -> f64| -> Vec<[f64; 2]> {
         run.iter().filter_map(|p| Some([at(p), y.at(pick(&p.error?))])).collect()

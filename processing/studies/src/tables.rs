@@ -3,7 +3,7 @@
 use super::{Axis, Summary};
 use std::fmt::Write;
 
-/// One line per setting and scene; empty fields where there is no value. Units stand in brackets in the header.
+/// One line per setting and scene; missing values are empty fields. The header gives units in brackets.
 pub(super) fn csv(summary: &Summary) -> String {
     let with = |name: &str, axis: &Axis| match axis.unit.as_str() {
         "" => name.to_owned(),
@@ -12,7 +12,7 @@ pub(super) fn csv(summary: &Summary) -> String {
     let (knob, stress) = (with("knob", &summary.knob), with("stress", &summary.stress));
     let [error_median, error_q1, error_q3, predicted] =
         ["error_median", "error_q1", "error_q3", "predicted"].map(|name| with(name, &summary.error));
-    // Photographs where these are counted.
+    // The cost column counts photographs where the study does.
     let time = if summary.time.unit.is_empty() { summary.time.name.replace(' ', "_") } else { "time".into() };
     let [time_median, time_q1, time_q3] =
         ["median", "q1", "q3"].map(|name| with(&format!("{time}_{name}"), &summary.time));
@@ -66,7 +66,7 @@ pub(super) fn csv(summary: &Summary) -> String {
     text
 }
 
-/// A text field as RFC 4180 has it.
+/// A text field, quoted as in RFC 4180.
 fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
 }

@@ -1,4 +1,4 @@
-//! Folders of charts as a whole.
+//! Tests of whole folders of charts.
 
 use super::*;
 use nacre_base::Error;
@@ -60,7 +60,7 @@ fn tables_and_pictures_are_well_formed_and_agree() {
     charted.charts[0].files.iter().for_each(|f| assert!(out.join(f).is_file(), "{f}"));
     let summary: Summary = serde_json::from_str(&read("series/series.json")).unwrap();
     assert_eq!(summary.points.len(), 30);
-    // Cost grows and error falls with every term, so all are on the front where there is an error.
+    // Cost rises and error falls with every term, so all points with an error are on the front.
     assert!(summary.points.iter().all(|p| p.front == (p.scene < 4) && p.runs == 5));
     assert_csv(&read("series/series.csv"), &summary);
     let svg = read("series/series.svg");
@@ -71,7 +71,7 @@ fn tables_and_pictures_are_well_formed_and_agree() {
     assert!(std::fs::read(out.join("series/series.pdf")).unwrap().starts_with(b"%PDF-"));
 }
 
-/// Charts for a journal have its columns' width and no titles; measurements are not repeated for them.
+/// Charts for a journal have its column width and no titles; existing measurements are reused.
 #[test]
 fn charts_fit_the_columns_of_a_journal() {
     let folder = tempfile::tempdir().unwrap();
@@ -95,7 +95,7 @@ fn charts_fit_the_columns_of_a_journal() {
     assert_eq!(std::fs::read(out.join("series/raw.jsonl")).unwrap(), raw);
 }
 
-/// Every line has the header's fields, quoted commas counted right, and the numbers of the summary.
+/// Every line has the header's fields (quoted commas count correctly) and the numbers of the summary.
 fn assert_csv(csv: &str, summary: &Summary) {
     let fields = |line: &str| {
         let (mut fields, mut quoted) = (vec![String::new()], false);
@@ -140,7 +140,7 @@ fn folders_of_others_are_left_alone_and_charts_add_up() {
     assert_ne!(std::fs::read(out.join("other/raw.jsonl")).unwrap(), before);
 }
 
-/// Names on the command line and of folders are unique and plain; every knob with a number has five settings.
+/// Names on the command line and of folders are unique and plain; every numeric parameter has at least five settings.
 #[test]
 fn studies_are_as_they_must_be() {
     let studies = polarimetry::studies(Effort::Quick);
@@ -158,7 +158,7 @@ fn studies_are_as_they_must_be() {
     }
 }
 
-/// The same seed gives the same scene and error, another seed another.
+/// The same seed gives the same scene and error; another seed gives another error.
 #[test]
 fn every_study_repeats() {
     for s in polarimetry::studies(Effort::Quick) {

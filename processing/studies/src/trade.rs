@@ -6,13 +6,13 @@ use nacre_plot::Labels;
 use nacre_plot::style::{ALARM, INK, SOFT};
 use nacre_plot::svg::{Anchor, Area, Axes, Ruler, Svg, fill};
 
-/// Draws the reference scene's settings: median, quartiles, the front that nothing beats, and the default.
+/// Draws the settings on the reference scene: median, quartiles, Pareto front, and the default.
 pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
     let points: Vec<&Point> =
         summary.points.iter().filter(|p| p.scene == summary.reference && p.error.is_some()).collect();
     let times = points.iter().flat_map(|p| [p.seconds.q1, p.seconds.q3]);
     let errors = points.iter().flat_map(|p| p.error.map_or([f64::NAN; 2], |e| [e.q1, e.q3]));
-    // One expected error makes no line, and is drawn on the right.
+    // A single expected error makes no line and is drawn on the right.
     let lines = points.len() > methods(summary).len();
     let errors = errors.chain(points.iter().filter(|_| lines).filter_map(|p| p.predicted));
     let x = Ruler::covering_closely(times, area.x, area.x + area.w);
@@ -54,7 +54,7 @@ pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
     for p in &points {
         labels.avoid([x.at(p.seconds.q1), at(p)[1]], [x.at(p.seconds.q3), at(p)[1]]);
     }
-    // The default's label first: it gets the best place.
+    // The default's label comes first, to get the best position.
     let mut order: Vec<&&Point> = points.iter().collect();
     order.sort_by_key(|p| !summary.settings[p.setting].default);
     for p in order {
@@ -68,12 +68,12 @@ pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
     }
 }
 
-/// A line that joins one method's settings, in grey where each setting has a colour of its own.
+/// Colour of the line that joins one method's settings; grey if each setting has another colour.
 fn tone(summary: &Summary, setting: usize) -> String {
     if methods(summary).len() > 1 { method_color(summary, setting) } else { SOFT.into() }
 }
 
-/// What is above and right of the front's steps is beaten. Returns the steps.
+/// Shades the dominated area above and right of the Pareto front. Returns the steps of the front.
 fn front(svg: &mut Svg, area: Area, points: &[&Point], at: impl Fn(&Point) -> [f64; 2]) -> Vec<[f64; 2]> {
     let mut front: Vec<[f64; 2]> = points.iter().filter(|p| p.front).map(|p| at(p)).collect();
     front.sort_by(|a, b| a[0].total_cmp(&b[0]));

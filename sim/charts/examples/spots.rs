@@ -1,4 +1,5 @@
-//! A mosaic of periods under fringes, and how the maps compare with the truth: `spots SEED PIXELS COUNT PHASES FINEST_MM [KEY=VALUE…]`.
+//! Photographs a mosaic of gratings under fringes, reconstructs the period maps and compares them with the truth:
+//! `spots SEED PIXELS COUNT PHASES FINEST_MM [KEY=VALUE…]`.
 
 use nacre_periods::spots::Settings;
 use nacre_sim::BenchConfig;

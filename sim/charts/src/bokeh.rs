@@ -1,5 +1,5 @@
-//! How many iterations, and when to stop: lines that a lens has blurred, under noise and with point spread functions that are not the
-//! lens's.
+//! Study of deconvolution: iteration count and stopping rule for blurred lines, against noise and against the error of
+//! the assumed point spread function.
 
 use nacre_base::Result;
 use nacre_base::progress::Silent;
@@ -15,14 +15,14 @@ const PLAIN: [usize; 5] = [6, 25, 50, 100, 200];
 const AT_MOST: usize = 300;
 const BLUR_PX: f64 = 2.0;
 
-/// One way to deconvolve.
+/// Options of one deconvolution.
 #[derive(Clone, Copy)]
 struct Way {
     iterations: Iterations,
     accelerate: bool,
 }
 
-/// Against the number of electrons, and against how wide the point spread function is taken for.
+/// Studies against the number of electrons, and against the assumed width of the point spread function.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let side = effort.pick(192, 80);
     let noise =
@@ -105,8 +105,8 @@ fn run(side: usize, way: Way, [full_scale_e, width]: [f64; 2], seed: u64) -> Res
 mod tests {
     use super::*;
 
-    /// Scenes, noises and widths, as many as the 15 that are measured here; 1.1 is the bound, which points spread functions that are too
-    /// wide do not keep.
+    /// Covers the scenes, noise levels and widths of the 15 studied ones. The bound is 1.1; point spread functions that
+    /// are too wide exceed it.
     #[test]
     fn auto_stops_near_the_best_iteration() {
         let (mut sum, mut worst, mut count) = (0.0, 0.0_f64, 0.0);
@@ -117,7 +117,7 @@ mod tests {
                     run(96, way, [electrons, width], 3).unwrap().error.unwrap()
                 };
                 let fixed = [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 40, 50, 70, 100, 150, 220];
-                // Noise grows from the best one on: what is a quarter worse has it behind.
+                // The noise grows monotonically beyond the optimum, so a setting worse by a quarter lies beyond it.
                 let mut best = f64::INFINITY;
                 for error in fixed.into_iter().map(|n| error(Iterations::Count(n))) {
                     best = best.min(error);

@@ -1,4 +1,4 @@
-//! Calibration of a camera: photographs of a board, noise of its corners, and boards that are hardly tilted.
+//! Studies of camera calibration: number of photographs of a board, corner noise and board tilt.
 
 use nacre_base::Result;
 use nacre_base::progress::Silent;
@@ -16,11 +16,11 @@ const TILT_DEG: [f64; 7] = [0.5, 1.0, 3.0, 8.0, 15.0, 30.0, 45.0];
 const BOARD: Board = Board { columns: 9, rows: 6, square_mm: 25.0 };
 const SIZE: [usize; 2] = [640, 480];
 
-/// A camera whose lens distorts.
+/// A camera with lens distortion.
 const CAMERA: Camera =
     Camera { focal_px: [620.0, 615.0], center_px: [326.0, 236.0], distortion: [-0.22, 0.08, 0.0012, -0.0008, -0.02] };
 
-/// Against the noise of corners, and against how far boards are tilted.
+/// Studies against the corner noise, and against the tilt of the boards.
 pub(super) fn studies(_effort: Effort) -> Vec<Study> {
     vec![
         study(
@@ -68,14 +68,14 @@ fn study(name: &'static str, title: &str, stress: Axis, scenes: Vec<[f64; 2]>, v
     }
 }
 
-/// The `k`-th board as the camera sees it.
+/// Pose of the `k`-th board in the camera frame.
 fn pose(k: usize, tilt_deg: f64, seed: u64) -> Pose {
     let random = |i: u64| uniform(key(&[seed, k as u64, i]));
     let (sin, cos) = (TAU * random(0)).sin_cos();
     let tilt = tilt_deg.to_radians();
     let turn = [tilt * cos, tilt * sin, 0.6 * random(1) - 0.3];
     let at = [100.0 * random(2) - 50.0, 70.0 * random(3) - 35.0, 420.0 + 160.0 * random(4)];
-    // Straight above, and then turned.
+    // The camera looks straight down on the board before the tilt.
     Pose::from_rotation_vector([PI, 0.0, 0.0], [0.0; 3]).then(&Pose::from_rotation_vector(turn, at))
 }
 
@@ -93,7 +93,7 @@ fn run(photographs: usize, [noise_px, tilt_deg]: [f64; 2], seed: u64) -> Result<
     let begun = Instant::now();
     let found = of_corners(good, vec![], &BOARD, SIZE, &Silent);
     let seconds = begun.elapsed().as_secs_f64();
-    // What tells no camera is refused with what to do.
+    // Boards that do not determine the camera must be refused, with a remedy in the message.
     let Ok(found) = found else {
         return Ok(Outcome { error: None, seconds, masked: 1.0, wrong: 0.0, predicted: None });
     };
@@ -108,7 +108,7 @@ fn run(photographs: usize, [noise_px, tilt_deg]: [f64; 2], seed: u64) -> Result<
 mod tests {
     use super::*;
 
-    /// Focal lengths are told to about their σ, by more photographs better; boards without a tilt are refused.
+    /// Focal-length errors match their σ and fall with the number of photographs; boards without tilt are refused.
     #[test]
     fn more_photographs_tell_more_and_flat_ones_nothing() {
         let mean = |photographs, scene| {

@@ -1,4 +1,4 @@
-//! Kinds and parts of a factorisation, for patterns that separate and for such that do not.
+//! Study of factorisations (kinds and parts), for separable and non-separable patterns.
 
 use super::environment::{EXTENT, Last, Pattern, room};
 use nacre_base::Result;
@@ -9,7 +9,7 @@ use nacre_sim::random::{key, uniform};
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::time::Instant;
 
-/// Patterns by their names.
+/// Names and patterns.
 const PATTERNS: [(&str, Pattern); 5] = [
     ("one streak", Pattern::Streaks(&[30.0])),
     ("lattice", Pattern::Spots([0.0, 90.0])),
@@ -18,7 +18,7 @@ const PATTERNS: [(&str, Pattern); 5] = [
     ("rings", Pattern::Rings),
 ];
 
-/// Kind, parts, and what a table is asked to be off by.
+/// Name, label, kind, number of parts and target relative error of each factorisation.
 const WAYS: [(&str, &str, Kind, usize, f64); 9] = [
     ("singular", "20 %", Kind::Singular, 1, 0.2),
     ("singular", "10 %", Kind::Singular, 1, 0.1),
@@ -31,7 +31,7 @@ const WAYS: [(&str, &str, Kind, usize, f64); 9] = [
     ("line", "line, 2 parts, 5 %", Kind::Line, 2, 0.05),
 ];
 
-/// A table, and a room to time the passes in.
+/// A lookup table, and an environment on which to time the two passes.
 struct Job {
     environment: Environment,
     table: Table,
@@ -70,7 +70,7 @@ pub(super) fn study(effort: Effort) -> Study {
         scenes: PATTERNS.iter().enumerate().map(|(k, (name, _))| Scene::named(k, *name)).collect(),
         reference: 1,
         run: Box::new(move |setting, scene, seed| {
-            // The seed turns the pattern's widths a little, so that runs differ.
+            // The seed varies the pattern's width by up to 10 %, so that runs differ.
             let width = spot * (1.0 + 0.1 * uniform(key(&[seed, 5])));
             let make = || {
                 let table = PATTERNS[scene].1.table(size, width)?;
@@ -95,7 +95,8 @@ fn measured(job: &Job, setting: usize) -> Result<Outcome> {
 mod tests {
     use super::*;
 
-    /// Terms are chosen by the error; several parts take fewer of three streaks; a line is no lattice, and the report says so.
+    /// The number of terms follows from the target error: several parts need fewer terms for three streaks. A line does
+    /// not represent a lattice, and the report warns of it.
     #[test]
     fn kinds_and_parts_differ_as_patterns_do() {
         let study = study(Effort::Quick);

@@ -1,4 +1,5 @@
-//! Gratings from flash photographs of repeated tiles: lights, lobes, and photographs that are not what the method takes them for.
+//! Studies of gratings from flash photographs of repeated tiles: number of lights, lobe fits, and violated assumptions
+//! of the method.
 
 use nacre_base::Error;
 use nacre_base::Result;
@@ -9,21 +10,21 @@ use nacre_sim::photographs::{Pattern, Periods, Score, TilesPhotograph};
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::time::Instant;
 
-/// What is compared with the truth.
+/// Error measure of a study.
 #[derive(Clone, Copy)]
 enum Compared {
-    /// Mean error of orientations further than two pixels from an edge, in degrees.
+    /// Mean orientation error further than two pixels from an edge, in degrees.
     Orientation,
-    /// Mean error within two pixels of an edge.
+    /// Mean orientation error within two pixels of an edge, in degrees.
     Edges,
-    /// Root mean square error of periods, over themselves.
+    /// Root mean square of the relative error of the period.
     Period,
 }
 
-/// A name, and what it asks of the reconstruction.
+/// Name of a setting, and its change to the options of the reconstruction.
 type Way = (&'static str, fn(Settings) -> Settings);
 
-/// What is asked, what is varied, and what is tried.
+/// Description of one study: question, stress axis and settings.
 struct Sheet {
     name: &'static str,
     title: &'static str,
@@ -32,10 +33,10 @@ struct Sheet {
     values: &'static [f64],
     reference: usize,
     compared: Compared,
-    /// The first is what the program does by itself.
+    /// Settings; the first is the default of the program.
     settings: &'static [Way],
     scene: fn(f64, TilesPhotograph) -> TilesPhotograph,
-    /// What the settings get wrong.
+    /// Introduces a wrong assumption into the options.
     misled: fn(f64, &TilesPhotograph, Settings) -> Settings,
 }
 
@@ -47,7 +48,7 @@ fn same(_: f64, _: &TilesPhotograph, settings: Settings) -> Settings {
     settings
 }
 
-/// All of them.
+/// All studies of flash photographs.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     [
         lights(Compared::Orientation, "flash", "Orientations from flash photographs"),
@@ -64,7 +65,7 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
     .into()
 }
 
-/// Six by five tiles of the paper's test, on a small picture.
+/// 6 × 5 tiles as in the paper's test, photographed at low resolution.
 fn sheet(effort: Effort, seed: u64) -> TilesPhotograph {
     let [width, height] = effort.pick([480, 370], [280, 220]);
     TilesPhotograph {
@@ -124,7 +125,7 @@ impl Sheet {
     }
 }
 
-/// Photographs, maps, and how far these are from what was printed.
+/// Simulates the photographs, reconstructs the maps and compares them with the printed pattern.
 fn outcome(scene: &TilesPhotograph, settings: &Settings, compared: Compared) -> Result<Outcome> {
     let home = tempfile::tempdir().map_err(|e| Error::input("temporary folder", e, "make room for it"))?;
     let (photographs, out) = (home.path().join("in"), home.path().join("out"));
@@ -199,7 +200,7 @@ fn height() -> Sheet {
         reference: 2,
         compared: Compared::Period,
         settings: &[PLAIN, PIXELS],
-        // The photographs are of lower lights than the settings have them: frames.json says nothing.
+        // The true elevations of the lights are lower than those in the options; frames.json does not contain them.
         scene: |_, s| s,
         misled: |mm, scene, s| Settings { light_height_mm: Some(scene.lights_mm[0][2] + mm), ..s },
     }
@@ -272,7 +273,7 @@ fn order() -> Sheet {
 mod tests {
     use super::*;
 
-    /// What a study says is what it measures: the paper's way is far off where lobes that are fitted are not.
+    /// With fitted lobes the errors are small; the paper's brightest-copy method is far off for the same photographs.
     #[test]
     fn fitted_lobes_beat_the_brightest_copy() {
         let study = lights(Compared::Orientation, "flash", "").study(Effort::Quick);

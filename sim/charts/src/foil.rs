@@ -1,4 +1,5 @@
-//! Foil of random dots: bins of its distribution, a light that is large, gratings that are deep, and maps that are drawn anew.
+//! Studies of foil with random dots: bins of the measured distribution, size of the flash, depth of the gratings, and
+//! synthesised maps.
 
 use super::environment::Last;
 use nacre_base::Result;
@@ -9,7 +10,7 @@ use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::f64::consts::PI;
 use std::time::Instant;
 
-/// How a distribution is measured: bins of orientation and lines, and whether the depth is said.
+/// Options of the measurement: bins of orientation and of spatial frequency, and whether the depth is given.
 #[derive(Clone, Copy)]
 struct Way {
     bins: Option<[usize; 2]>,
@@ -20,16 +21,16 @@ const BINS: [[usize; 2]; 5] = [[12, 8], [24, 16], [48, 32], [96, 64], [192, 128]
 const FLASH_MM: [f64; 7] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
 const DEPTHS_UM: [f64; 7] = [0.02, 0.05, 0.08, 0.12, 0.16, 0.2, 0.3];
 
-/// Places in a direction at which densities are compared, of orientation and of lines.
+/// Sampling points of the density comparison along orientation and along spatial frequency.
 const COMPARED: [usize; 2] = [192, 256];
 
-/// Periods that are asked for, in µm.
+/// Range of grating periods in µm.
 const PERIODS_UM: [f64; 2] = [0.75, 1.8];
 
-/// A bracket's exposures, relative to the first.
+/// Exposures of a bracket, relative to the shortest.
 const EXPOSURES: [f64; 3] = [256.0, 16.0, 1.0];
 
-/// Against the flash's size, the gratings' depth, and the size of new maps.
+/// Studies against the size of the flash, the depth of the gratings, and the size of synthesised maps.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let size = Axis::log("diameter of the flash", "mm");
     let depth = Axis::log("depth of the gratings", "µm");
@@ -117,7 +118,7 @@ fn scene_of(side: usize) -> FoilPhotograph {
     FoilPhotograph { width: side, height: side, pixel_um, ..plain }
 }
 
-/// Merged exposures: each pixel of the longest that is not white.
+/// Merged bracket: each pixel takes its value from the longest exposure that is not saturated.
 fn merged(radiance: &[f64], scene: &FoilPhotograph, seed: u64) -> Vec<f32> {
     let peak = radiance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let pixel = |(i, value): (usize, &f64)| {
@@ -142,7 +143,7 @@ fn run(light: &Light, scene: &FoilPhotograph, way: Way) -> Result<Outcome> {
     Ok(judged(&found, scene, seconds))
 }
 
-/// Share of dots at an orientation in rad and lines per µm, per rad and 1/µm.
+/// Density of dots at an orientation (rad) and spatial frequency (1/µm), per rad and 1/µm.
 fn truth(scene: &FoilPhotograph, theta: f64, lines: f64) -> f64 {
     scene.density(theta, 1.0 / lines) / (lines * lines)
 }
@@ -177,7 +178,7 @@ fn judged(found: &Distribution, scene: &FoilPhotograph, seconds: f64) -> Outcome
     Outcome { error: Some(0.5 * apart), seconds, masked: masked.min(1.0), wrong, predicted: None }
 }
 
-/// Dots of new maps: sides of squares in pixels.
+/// Dot sizes of the synthesised maps: side lengths in pixels.
 const SQUARES: [usize; 5] = [1, 2, 4, 8, 16];
 const DISCS: [f64; 3] = [4.0, 8.0, 16.0];
 const SIDES: [usize; 5] = [64, 128, 256, 512, 1024];
@@ -225,7 +226,7 @@ fn synthesis(effort: Effort) -> Study {
     }
 }
 
-/// The distribution of the bench's foil.
+/// Distribution of the simulated bench's foil.
 fn spiral() -> Distribution {
     let (orientations, periods) = (60, 40);
     let scene = FoilPhotograph::default();
@@ -252,7 +253,7 @@ fn spiral() -> Distribution {
 mod tests {
     use super::*;
 
-    /// A large flash blurs a distribution, saying the depth takes second orders out, and more dots show a distribution better.
+    /// A large flash blurs the distribution; a given depth removes second orders; more dots reduce the sampling error.
     #[test]
     fn studies_show_where_distributions_fail() {
         let [size, depth, dots]: [Study; 3] = studies(Effort::Quick).try_into().ok().unwrap();

@@ -1,4 +1,5 @@
-//! How many exposures, and how many electrons: light over twelve powers of two, merged from brackets of different steps.
+//! Study of exposure brackets: number of exposures and of electrons. The radiance covers twelve stops; brackets of
+//! different steps are merged.
 
 use nacre_base::Result;
 use nacre_frames::hdr::merge;
@@ -13,12 +14,12 @@ const EXPOSURES: [usize; 7] = [1, 2, 3, 4, 5, 7, 13];
 const ELECTRONS: [f64; 6] = [300.0, 1000.0, 3000.0, 10_000.0, 40_000.0, 160_000.0];
 const REFERENCE: usize = 4;
 
-/// Powers of two that light covers, and that the longest exposure is longer than the shortest.
+/// Dynamic range of the radiance in stops, and span of a bracket in stops.
 const RANGE_EV: f64 = 12.0;
 
 const READ_NOISE: f64 = 8.0;
 
-/// A camera: its name, largest code, and curve.
+/// A camera: name, largest code value and response curve.
 struct Camera {
     name: &'static str,
     white: f64,
@@ -30,7 +31,7 @@ const CAMERAS: [Camera; 2] = [
     Camera { name: "8 bits, gamma 2.2", white: 255.0, transfer: Transfer::Gamma(2.2) },
 ];
 
-/// 1 to 13 exposures of two cameras.
+/// Study of 1 to 13 exposures of two cameras.
 pub(super) fn study(effort: Effort) -> Study {
     let pixels = effort.pick(512 * 512, 4096);
     let settings = CAMERAS.iter().flat_map(|camera| {
@@ -120,7 +121,7 @@ fn run(camera: &Camera, exposures: usize, full: f64, pixels: usize, seed: u64) -
     })
 }
 
-/// As many rows as columns, so that it is no longer than an image may be.
+/// Reshapes the raster to a square, so that its sides stay below the limit for images.
 fn squared(raster: Raster) -> Raster {
     let side = (raster.width as f64).sqrt() as usize;
     Raster { width: side, height: side, ..raster }

@@ -25,7 +25,7 @@ use nacre_sim::surface::SampleKind;
 use nacre_studies::{Axis, Effort, Scene, Setting, Study};
 use photographs::outcome;
 
-/// All of them, in the order of the page.
+/// All studies, in the order of the documentation page.
 pub fn studies(effort: Effort) -> Vec<Study> {
     let mut all = vec![wedge(effort), oblique(effort), compact_disc(effort), series::study(effort), hdr::study(effort)];
     all.extend(period::studies(effort));
@@ -45,7 +45,8 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all
 }
 
-/// What a setting asks of the reconstruction, and a value of the stress of the bench.
+/// Description of one study on the simulated bench: the options of each setting, and the parameter that the stress axis
+/// varies.
 struct Bench {
     name: &'static str,
     title: &'static str,
@@ -53,7 +54,7 @@ struct Bench {
     stress: Axis,
     values: Vec<f64>,
     reference: usize,
-    /// Name and options; the first is what the program does by itself.
+    /// Name and options of each setting; the first is the default of the program.
     settings: Vec<(&'static str, Options)>,
     config: fn(f64, &mut BenchConfig),
 }
@@ -93,7 +94,7 @@ impl Bench {
     }
 }
 
-/// Photographs that a wedged analyser shifts.
+/// Image shift caused by a wedged analyser.
 fn wedge(effort: Effort) -> Study {
     let options = |align| Options { model: Some(Model::Sinusoid), align: Some(align), ..Options::default() };
     Bench {
@@ -114,13 +115,13 @@ fn wedge(effort: Effort) -> Study {
     .study(effort)
 }
 
-/// With and without oblique incidence taken out.
+/// Settings with and without the correction of oblique incidence.
 fn corrected() -> Vec<(&'static str, Options)> {
     let options = |oblique| Options { oblique, ..Options::default() };
     vec![("as if at the normal", options(Oblique::Off)), ("oblique incidence taken out", options(Oblique::Auto))]
 }
 
-/// Light from the side.
+/// Illumination from the side.
 fn oblique(effort: Effort) -> Study {
     Bench {
         name: "stress-oblique",
@@ -141,7 +142,7 @@ fn oblique(effort: Effort) -> Study {
     .study(effort)
 }
 
-/// The whole disc under a film.
+/// A whole compact disc under a film.
 fn compact_disc(effort: Effort) -> Study {
     Bench {
         name: "compact-disc",
@@ -167,8 +168,8 @@ fn compact_disc(effort: Effort) -> Study {
 mod tests {
     use super::*;
 
-    /// What a study measures is what it says: shifted photographs are worse than those moved back, which are as good as
-    /// those never shifted. Hardly any pixel is off by more than five times what σ says, wherever they lie.
+    /// Shifted photographs have larger errors than registered ones; registered ones match those of a plane-parallel
+    /// analyser. Hardly any pixel deviates by more than 5 σ.
     #[test]
     fn moving_photographs_back_pays() {
         let study = wedge(Effort::Quick);

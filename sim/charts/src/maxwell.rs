@@ -1,4 +1,5 @@
-//! Orders of renderings against Maxwell's equations: what scalar theory is worth, and what balancing makes of it.
+//! Studies of diffraction efficiencies against rigorous solutions of Maxwell's equations: error of scalar theory, and
+//! improvement by energy balancing.
 
 use super::environment::Last;
 use nacre_base::{Error, Result};
@@ -10,22 +11,22 @@ use nacre_studies::{Axis, Effort, Outcome, Scene as Stress, Setting, Study};
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
 
-/// Angles of the light, in degrees; depths over the period.
+/// Angles of incidence in degrees; depths over the period.
 const ANGLES: [f64; 8] = [0.0, 15.0, 30.0, 45.0, 55.0, 65.0, 75.0, 82.0];
 const DEPTHS: [f64; 7] = [0.005, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1];
 
-/// Plane waves beyond those that propagate, to each side, in the truth's own method.
+/// Evanescent plane waves per side in the truth's own method.
 const BEYOND: [usize; 5] = [1, 2, 4, 8, 16];
 
-/// What the reference may gain or lose, and the most waves it takes for that.
+/// Largest energy imbalance of the reference, and largest number of plane waves to reach it.
 const LOST: f64 = 5e-4;
 const MOST_BEYOND: usize = 48;
 
-/// Harmonics of a cross-section: the more, the steeper its walls.
+/// Fourier harmonics of a profile: more harmonics allow steeper walls.
 const HARMONICS: usize = 5;
 const WALLS: [f64; 6] = [1.0, 3.0, 5.0, 9.0, 13.0, 19.0];
 
-/// Points of a cross-section's lines.
+/// Points per profile polyline.
 const POINTS: usize = 400;
 
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
@@ -59,7 +60,7 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
     [degrees, depths, walls].map(|s| s.study(effort)).into()
 }
 
-/// A study with its stress.
+/// A study with its stress axis.
 struct Sweep {
     name: &'static str,
     title: &'static str,
@@ -67,11 +68,11 @@ struct Sweep {
     values: Vec<f64>,
     reference: usize,
     of: &'static str,
-    /// What a foil is like, for a value of the stress and a number from 0 to 1.
+    /// Draws a foil for a stress value and a random number in [0, 1).
     at: fn(f64, f64) -> Draw,
 }
 
-/// What a foil is like: the light's angle, depth over the period, harmonics.
+/// Parameters of a foil: angle of incidence, depth over the period, and harmonics.
 struct Draw {
     degrees: f64,
     share: f64,
@@ -128,7 +129,7 @@ impl Sweep {
     }
 }
 
-/// A grating with what is known of it.
+/// A grating with its reference efficiencies.
 struct Sample {
     foil: Foil,
     prepared: BalancedOrders,
@@ -147,7 +148,7 @@ impl Sample {
         (0..bands).map(move |k| wavelength(k, bands))
     }
 
-    /// By a setting of the studies.
+    /// Efficiencies by the method of a setting.
     fn orders(&self, setting: usize, nm: f64) -> Result<Orders> {
         let foil = &self.foil;
         let Some((method, _)) = Method::ALL.get(setting) else {
@@ -165,7 +166,7 @@ impl Sample {
     }
 }
 
-/// In nm.
+/// Wavelength of band `k` in nm.
 fn wavelength(k: usize, bands: usize) -> f64 {
     400.0 + 320.0 * (k as f64 + 0.5) / bands as f64
 }
@@ -187,10 +188,10 @@ impl Method {
     ];
 }
 
-/// Numbers of orders with their light.
+/// Order numbers and their efficiencies.
 type Orders = Vec<(i32, f64)>;
 
-/// Half of the differences' sum: the light that is in a wrong order, or nowhere.
+/// Half the sum of absolute differences: the share of light in a wrong order or lost.
 fn misplaced(found: &Orders, truth: &Orders) -> f64 {
     let at = |m: i32| found.iter().find(|o| o.0 == m).map_or(0.0, |o| o.1);
     0.5 * truth.iter().map(|(m, light)| (at(*m) - light).abs()).sum::<f64>()
@@ -205,14 +206,14 @@ struct Foil {
 }
 
 impl Foil {
-    /// One of a seed.
+    /// Draws a foil from a seed.
     fn drawn(seed: u64, at: impl Fn(f64) -> Draw) -> Self {
         let draw = |k: u64| uniform(key(&[seed, 11, k]));
         let period_um = 5.0_f64.powf(draw(0));
         let Draw { degrees, share, harmonics } = at(draw(1));
         let side = if draw(2) < 0.5 { -1.0 } else { 1.0 };
         let kind = (3.0 * draw(3)) as usize;
-        // Fourier series of a cosine, of teeth, of steps, smoothed so that they do not ring (Lanczos).
+        // Fourier series of a cosine, a sawtooth or a step, with Lanczos σ-factors against ringing.
         let mut series: Vec<[f64; 2]> = (1..=harmonics)
             .map(|k| {
                 let x = PI * k as f64 / (harmonics + 1) as f64;
@@ -236,9 +237,9 @@ impl Foil {
         Self { section: Section::Lines(lines(&series)), series, period_um, angle: side * degrees.to_radians() }
     }
 
-    /// Light of each order by `beyond` plane waves more than propagate, unpolarised, and what it gains or loses.
+    /// Efficiencies of unpolarised light with `beyond` evanescent waves per side, and their energy imbalance.
     fn exact(&self, nm: f64, beyond: usize) -> Result<(Orders, f64)> {
-        // A wave runs away from where it comes from.
+        // The propagation direction points away from the source.
         let light = Light { wavelength_nm: nm, angle: -self.angle };
         let harmonics = (2.0 * self.period_um * 1e3 / nm).ceil() as usize + beyond;
         let of = |polarization| conductor(&self.series, self.period_um, &light, polarization, harmonics);
@@ -264,7 +265,7 @@ impl Foil {
         }
     }
 
-    /// Scalar theory's gain of an order, `(1 + ωi·ωr)² / (cos θi cos θr (cos θi + cos θr)²)`.
+    /// Gain of an order in scalar theory, `(1 + ωi·ωr)² / (cos θi cos θr (cos θi + cos θr)²)`.
     fn gain(&self, order: i32, nm: f64) -> f64 {
         let sines = [self.angle.sin(), f64::from(order) * nm / 1e3 / self.period_um - self.angle.sin()];
         let [c, d] = sines.map(|s| (1.0 - s * s).max(1e-6).sqrt());
@@ -276,8 +277,8 @@ impl Foil {
 mod tests {
     use super::*;
 
-    /// Balanced orders are nearer to Maxwell's equations than scalar theory's, most so from the side; where grooves are a fifth of their period
-    /// deep, both are far off.
+    /// Balanced orders are closer to Maxwell's equations than those of scalar theory, most of all at oblique incidence.
+    /// For grooves as deep as a fifth of the period, both are far off.
     #[test]
     fn balanced_orders_are_nearest_to_maxwells_equations() {
         let studies = studies(Effort::Quick);

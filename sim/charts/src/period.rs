@@ -1,4 +1,5 @@
-//! Periods from photographs behind an analyser: from the degree of polarization, and from the brightness as the 2018 paper has it.
+//! Studies of periods from photographs behind an analyser: from the degree of polarization, and from the brightness as
+//! in the 2018 paper.
 
 use nacre_base::Result;
 use nacre_optics::rcwa::{ALUMINIUM, Grating, Light, Polarization, solve};
@@ -9,23 +10,23 @@ use num_complex::Complex;
 use std::f64::consts::PI;
 use std::time::Instant;
 
-/// Light in nm, and the foil: aluminium in air, depth in µm.
+/// Wavelength in nm, and depth in µm of the aluminium foil in air.
 const NM: f64 = 560.0;
 const FOIL: Grating = Grating { period_um: 1.0, depth_um: 0.1, above: 1.0, below: ALUMINIUM };
 
-/// A silver foil near 560 nm.
+/// Complex refractive index of a silver foil near 560 nm.
 const SILVER: Complex<f64> = Complex::new(0.12, 3.45);
 
-/// Periods of other places in view, in µm: the brightest are given the longest.
+/// Longest period in view, in µm, assigned to the brightest pixels.
 const LONGEST_UM: f64 = 3.0;
 
 const PERIODS: [f64; 10] = [0.7, 0.8, 0.9, 1.1, 1.3, 1.5, 1.65, 1.8, 2.2, 2.7];
 const UNEVEN: [f64; 6] = [0.0, 0.02, 0.05, 0.1, 0.2, 0.4];
 
-/// Error of R in the table that is inverted, as the reconstruction has it.
+/// Error of R in the inverted lookup table, as in the reconstruction.
 const TABLE_ERROR: f64 = 1e-3;
 
-/// Ways to a period: name, and what is assumed.
+/// Methods of period estimation: name and assumptions.
 const WAYS: [(&str, Way); 5] = [
     ("polarization, all periods", Way::Polarization(FOIL, [0.6, LONGEST_UM])),
     ("polarization, within 15 %", Way::Near(FOIL)),
@@ -38,13 +39,13 @@ const WAYS: [(&str, Way); 5] = [
 enum Way {
     /// Assumed surface, and range of periods in µm.
     Polarization(Grating, [f64; 2]),
-    /// The same, where the period is known to 15 %.
+    /// As above, with the period known to 15 %.
     Near(Grating),
-    /// The 2018 paper's section 5.4.
+    /// Section 5.4 of the 2018 paper.
     Brightness,
 }
 
-/// Against the period, and against how even light and reflectance are.
+/// Studies against the period, and against the uniformity of light and reflectance.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let periods: Vec<[f64; 2]> = PERIODS.map(|p| [p, 0.0]).to_vec();
     let uneven: Vec<[f64; 2]> = UNEVEN.map(|u| [1.3, u]).to_vec();
@@ -105,7 +106,7 @@ fn study(
     }
 }
 
-/// Ratio of the polarizations, and power of the one along the vector, of a foil's specular light.
+/// Ratio of the polarizations, and power of the polarization along the grating vector, of a foil's specular reflection.
 fn specular(foil: &Grating) -> Result<(Complex<f64>, f64)> {
     let light = Light { wavelength_nm: NM, angle: 0.0 };
     let s = solve(foil, &light, Polarization::Te, 1e-5)?.reflected(0).amplitude;
@@ -168,7 +169,7 @@ fn run(pixels: usize, way: Way, [period_um, uneven]: [f64; 2], seed: u64) -> Res
 mod tests {
     use super::*;
 
-    /// A right depth gives the period to its σ, a wrong one does not, and neither does the brightness.
+    /// The correct depth gives the period to within its σ; a wrong depth and the brightness do not.
     #[test]
     fn the_depth_is_what_must_be_known() {
         let of = |k: usize| run(1024, WAYS[k].1, [1.3, 0.0], 3).unwrap();

@@ -1,4 +1,4 @@
-//! A series photographed on the bench and reconstructed as a user's is: from files to files.
+//! A series photographed on the simulated bench and reconstructed from files to files, as a user would.
 
 use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
@@ -16,16 +16,16 @@ use std::time::{Duration, Instant};
 /// Analyser angles: twelve over 180°.
 const ANGLES: usize = 12;
 
-/// Brightest code over white.
+/// Brightest code relative to white.
 const EXPOSED: f64 = 0.8;
 
-/// Photographs `config` in a folder of its own, reconstructs it and judges the map; the clock runs for the reconstruction, files
-/// included.
+/// Simulates the photographs in a temporary folder, reconstructs and evaluates the orientation map. The time is that of
+/// the reconstruction, file access included.
 pub(super) fn outcome(config: &BenchConfig, options: &Options) -> Result<Outcome> {
     let folder = tempfile::tempdir().map_err(|e| Error::output(&std::env::temp_dir(), e))?;
     let bench = Bench::new(config, &Silent)?;
     let (input, out) = (folder.path(), folder.path().join("result"));
-    // A wedge shifts the light and leaves it as bright; without one it is rendered once.
+    // A wedge shifts the image without changing its brightness, so the bench without wedge is rendered only once.
     let mut straight = config.clone();
     (straight.analyser.wedge_px, straight.analyser.jitter_px) = (0.0, 0.0);
     let exposure_s = metered(Bench::new(&straight, &Silent)?);
@@ -36,7 +36,7 @@ pub(super) fn outcome(config: &BenchConfig, options: &Options) -> Result<Outcome
     let path = out.join("orientation.exr");
     let mut map = read_exr(&path)?;
     let (orientation, sigma) = (map.take("orientation", &path)?, map.take("sigma", &path)?);
-    // Where there is no grating there is no truth to miss.
+    // Pixels without a grating have no true orientation and are excluded.
     let known: Vec<usize> = (0..truth.len()).filter(|i| truth[*i].is_finite()).collect();
     let of = |plane: &[f32]| -> Vec<f32> { known.iter().map(|i| plane[*i]).collect() };
     Ok(judge(&of(&orientation), &of(&sigma), &of(&truth), seconds))
@@ -72,24 +72,24 @@ fn photograph(mut bench: Bench, exposure_s: f64, folder: &Path) -> Result<Vec<f3
     };
     let path = folder.join("frames.json");
     std::fs::write(&path, save(&set)).map_err(|e| Error::output(&path, e))?;
-    // Shifts are told against their mean.
+    // Shifts are relative to their mean.
     let shifts: Vec<[f64; 2]> = angles.iter().map(|a| config.shift_px(*a)).collect();
     let mean = [0, 1].map(|k| shifts.iter().map(|s| s[k]).sum::<f64>() / shifts.len() as f64);
     Ok(bench.truth_shifted(mean)?.orientation)
 }
 
-/// Switches the panel's disc on.
+/// Switches the display's disc on.
 fn light(bench: &mut Bench) {
     let pattern = Pattern::Disc { center_mm: [0.0; 2], diameter_mm: bench.config().disc_mm() };
     bench.shine(Shining { pattern, flash: false, covered: false }, Duration::ZERO);
 }
 
-/// Codes of black and white.
+/// Code values of black and white.
 fn levels(config: &BenchConfig) -> [f64; 2] {
     [f64::from(config.camera.black_level), f64::from((1u32 << config.camera.bits) - 1)]
 }
 
-/// Exposure in s that puts the brightest pixel of a few angles below white.
+/// Exposure in s for which the brightest pixel over a few analyser angles stays below white.
 fn metered(mut bench: Bench) -> f64 {
     let ([black, white], mut exposure_s) = (levels(bench.config()), 1e-3);
     light(&mut bench);
@@ -102,11 +102,12 @@ fn metered(mut bench: Bench) -> f64 {
     exposure_s
 }
 
-/// One photograph at this angle: the first that begins when the analyser stands, with this exposure.
+/// Takes one photograph at an analyser angle: the first frame that begins after the analyser has settled, with this
+/// exposure.
 fn codes(bench: &mut Bench, angle_deg: f64, exposure_s: f64) -> Option<Vec<u16>> {
     bench.set_camera(exposure_s, 1.0);
     let settled = bench.turn_analyser(angle_deg);
-    // The stage and the camera's lag take tens of frames at most.
+    // The stage and the camera's latency take tens of frames at most.
     for _ in 0..100_000 {
         bench.advance_to(bench.next_frame_at());
         while let Some(frame) = bench.take_frame() {

@@ -1,4 +1,4 @@
-//! The noise that a rendering predicts before its first pass, against what it has in the end.
+//! Study of the noise that a renderer predicts before its first pass, against the noise of the finished picture.
 
 use nacre_base::Error;
 use nacre_base::Result;
@@ -10,7 +10,7 @@ use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 const SAMPLES: [usize; 5] = [16, 64, 256, 1024, 4096];
 const SIGMA_MM: [f64; 6] = [30.0, 10.0, 5.0, 2.0, 1.0, 0.5];
 
-/// Off by more than this factor is confidently wrong.
+/// A prediction counts as confidently wrong beyond this factor.
 const FACTOR: f64 = 2.0;
 
 pub(super) fn study(effort: Effort) -> Study {
@@ -48,7 +48,7 @@ pub(super) fn study(effort: Effort) -> Study {
 }
 
 fn run(side: usize, samples: usize, sigma_mm: f64, seed: u64) -> Result<Outcome> {
-    // The seed turns the grating.
+    // The seed rotates the grating.
     let orientation = 180.0 * uniform(key(&[seed, 7]));
     let text = format!(
         "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 12\nwidth = {side}\nheight = {side}\n\
@@ -58,7 +58,7 @@ fn run(side: usize, samples: usize, sigma_mm: f64, seed: u64) -> Result<Outcome>
          relief = {{ depth_um = 0.15 }}\ncoherence_um = 20\n"
     );
     let scene = toml::from_str(&text).map_err(|e| Error::input("scene", e.to_string(), "report this"))?;
-    // An error that no number of samples reaches, so that all are taken.
+    // An unreachable target error, so that all samples are taken.
     let settings = Settings { samples, max_error: 1e-5, ..Settings::default() };
     let folder = std::env::temp_dir();
     let (_, report) = render(&scene, &folder, &settings, &Silent)?;

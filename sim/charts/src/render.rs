@@ -1,4 +1,4 @@
-//! Pictures of scenes: how many wavelengths they take, when a light is far away, and when it is summed up once.
+//! Studies of rendered scenes: number of wavelengths, distance at which a light counts as far, and precomputed sums.
 
 use super::environment::Last;
 use nacre_base::progress::Silent;
@@ -10,18 +10,18 @@ use nacre_studies::{Axis, Effort, Outcome, Scene as Stress, Setting, Study};
 use std::f64::consts::PI;
 use tempfile::TempDir;
 
-/// How many times as exact as others the truth is.
+/// Ratio of the smallest target error to that of the reference picture.
 const TRUTH: f64 = 3.0;
 
-/// Pixels of a side, and the error that pictures are asked for.
+/// Side length of the pictures in pixels, and their target error.
 fn size(effort: Effort) -> (usize, f64) {
     effort.pick((64, 0.02), (24, 0.1))
 }
 
-/// Wavelengths of all lobes alike.
+/// Numbers of wavelengths, the same for all lobes.
 const WAVELENGTHS: [usize; 8] = [8, 16, 32, 64, 128, 256, 512, 1024];
 
-/// What is rendered: name, shape, light and what diffracts.
+/// Rendered scenes: name, shape, light and diffracting material.
 const SCENES: [[&str; 4]; 6] = [
     ["foil, large light", PLANE, "type = \"point\"\nposition = [60, 100, 280]\nsigma_mm = 5", "coherence_um = 20"],
     ["foil", PLANE, "type = \"point\"\nposition = [60, 100, 280]\nsigma_mm = 2", "coherence_um = 40"],
@@ -38,7 +38,7 @@ const SCENES: [[&str; 4]; 6] = [
 const PLANE: &str = "type = \"plane\"\nsize = [110, 110]";
 const SPHERE: &str = "type = \"sphere\"\ncenter = [0, 0, 0]\nradius = 50";
 
-/// How far the light is, in mm.
+/// Distances of the light in mm.
 const DISTANCES: [f64; 7] = [100.0, 200.0, 400.0, 1000.0, 3000.0, 10_000.0, 30_000.0];
 
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
@@ -49,14 +49,14 @@ pub(super) fn broken(what: &str, why: impl std::fmt::Display) -> Error {
     Error::input(what, why, "report this")
 }
 
-/// A scene with the files it names, and the picture that others are compared with.
+/// A scene with its files, and its reference picture.
 struct Sample {
     folder: TempDir,
     truth: Picture,
 }
 
 impl Sample {
-    /// Of a scene, beside a sky that has a lamp of about 10°.
+    /// Prepares a scene, with an environment that contains a lamp of about 10°.
     fn new(scene: &Scene, asked: f64) -> Result<Self> {
         let folder = tempfile::tempdir().map_err(|e| broken("temporary folder", e))?;
         write_exr(&folder.path().join("sky.exr"), 256, 128, &["R", "G", "B"], &[], &|c, y, row| {
@@ -82,7 +82,7 @@ impl Sample {
         Ok(sample)
     }
 
-    /// A picture, the seconds that it took, and its error as the report has it.
+    /// A picture, its computing times in s, and the error in its report.
     fn picture(&self, scene: &Scene, settings: Settings) -> Result<(Picture, [f64; 2], f64)> {
         let settings = Settings { samples: 1 << 16, ..settings };
         let (picture, report) = render(scene, self.folder.path(), &settings, &Silent)?;
@@ -91,7 +91,7 @@ impl Sample {
     }
 }
 
-/// A scene; the seed turns the grating by up to 10°.
+/// A scene; the seed rotates the grating by up to 10°.
 fn scene(side: usize, shape: &str, light: &str, coherence: &str, seed: u64) -> Result<Scene> {
     let orientation = 60.0 + 10.0 * uniform(key(&[seed, 7]));
     let text = format!(
@@ -102,7 +102,7 @@ fn scene(side: usize, shape: &str, light: &str, coherence: &str, seed: u64) -> R
     toml::from_str(&text).map_err(|e| broken("scene", e))
 }
 
-/// Root mean square of the differences of luminances over their mean.
+/// Root mean square of the luminance differences, relative to the mean luminance.
 fn off(found: &Picture, truth: &Picture) -> f64 {
     let square: f64 = found.pixels.iter().zip(&truth.pixels).map(|(a, b)| (a.luminance - b.luminance).powi(2)).sum();
     let (count, sum) = (truth.pixels.len() as f64, truth.pixels.iter().map(|p| p.luminance).sum::<f64>());
@@ -192,10 +192,10 @@ fn distance(effort: Effort) -> Study {
     }
 }
 
-/// Errors that pictures of tables are asked for.
+/// Target errors of pictures rendered from lookup tables.
 const ASKED: [f64; 5] = [0.3, 0.1, 0.03, 0.01, 0.003];
 
-/// A table on a foil that leans back more and more, in a room.
+/// A lookup table on a foil of increasing tilt, in a room.
 fn summed(effort: Effort) -> Study {
     let side = effort.pick(128, 16);
     let asked: Vec<f64> = effort.pick(ASKED.to_vec(), ASKED[1..4].to_vec());
@@ -249,7 +249,7 @@ fn summed(effort: Effort) -> Study {
 mod tests {
     use super::*;
 
-    /// Few wavelengths are wrong, and what is chosen by default is not; a near light is not a far one.
+    /// Too few wavelengths give wrong pictures, the default does not; a near light differs from a far one.
     #[test]
     fn studies_measure_what_they_say() {
         let [wavelengths, distance, flat]: [Study; 3] = studies(Effort::Quick).try_into().ok().unwrap();

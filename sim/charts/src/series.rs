@@ -1,4 +1,4 @@
-//! Series that end when the orientation is known well enough, against series of a number of angles.
+//! Study of series that stop at a target orientation error, against series with a fixed number of angles.
 
 use nacre_base::{Error, Result};
 use nacre_frames::{Frame, FrameSet, Kind, check};
@@ -9,12 +9,12 @@ use nacre_studies::polarimetry::judge;
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::path::Path;
 
-/// What a plan asks for.
+/// Stopping criterion of a plan.
 #[derive(Clone, Copy)]
 enum Wanted {
-    /// σ in degrees.
+    /// Target σ in degrees.
     Sigma(f64),
-    /// Angles.
+    /// Number of angles.
     Angles(usize),
 }
 
@@ -33,14 +33,14 @@ const WAYS: [Wanted; 10] = [
 
 const ELECTRONS: [f64; 7] = [1e6, 160_000.0, 40_000.0, 10_000.0, 3000.0, 1000.0, 300.0];
 
-/// First angles of a series that ends by itself, and its most: a plan's defaults.
+/// Initial and maximum number of angles of an adaptive series: the defaults of a plan.
 const START: usize = 4;
 const AT_MOST: usize = 24;
 
-/// Largest code.
+/// Largest code value.
 const WHITE: f64 = 65_535.0;
 
-/// Photographs against error, and error against the camera's electrons.
+/// Studies of the number of photographs against the error, and of the error against the camera's electrons.
 pub(super) fn study(effort: Effort) -> Study {
     let side = effort.pick(64, 40);
     let setting = |way: &Wanted| match way {
@@ -76,7 +76,7 @@ pub(super) fn study(effort: Effort) -> Study {
     }
 }
 
-/// The bench: takes photographs at angles, which are written as the engine does.
+/// Simulated bench: takes photographs at given angles and writes them as the engine does.
 struct Bench<'a> {
     folder: &'a Path,
     side: usize,
@@ -88,7 +88,7 @@ struct Bench<'a> {
 impl Bench<'_> {
     fn photograph(&mut self, psi: f64) -> Result<Frame> {
         self.angles.push(psi);
-        // Noise belongs to a photograph's number; a design needs three angles, so that two others stand in for those that are missing.
+        // Noise is seeded by the photograph's number. A design needs three angles, so two others replace missing ones.
         let mut angles = self.angles.clone();
         angles.extend([psi + 1.0, psi + 2.0]);
         let frames = Synthetic { angles, ..self.scene.clone() }.render(self.side * self.side, self.seed)?.frames;
@@ -126,7 +126,7 @@ fn run(side: usize, wanted: Wanted, electrons: f64, seed: u64) -> Result<Outcome
                 out_of_reach = true;
                 break;
             }
-            // Whole degrees, but for the one where the stage stands.
+            // Whole degrees, except for the present angle of the stage.
             let stands = bench.angles.last().copied().unwrap_or_default();
             let degrees = (0..180).map(|d| f64::from(d).to_radians()).filter(|d| (d - stands).abs() > 1e-6);
             let next = precision.best_angle(&degrees.collect::<Vec<_>>());
@@ -152,13 +152,14 @@ fn run(side: usize, wanted: Wanted, electrons: f64, seed: u64) -> Result<Outcome
 mod tests {
     use super::*;
 
-    /// A series ends with about the error that was asked for, takes fewer photographs for a larger one, and stops early where none would do.
+    /// An adaptive series ends near its target error, takes fewer photographs for a larger target, and stops early if
+    /// no number of photographs would reach it.
     #[test]
     fn a_series_ends_where_its_sigma_is_reached() {
         let of = |deg: f64, electrons: f64| run(40, Wanted::Sigma(deg), electrons, 3).unwrap();
         let [coarse, fine] = [of(1.0, 10_000.0), of(0.2, 40_000.0)];
         assert!(coarse.seconds < fine.seconds && coarse.error.unwrap() < 1.0, "{coarse:?} {fine:?}");
-        // The mean of the error is 0.8 σ, and σ is about what was asked for.
+        // For normal errors the mean absolute error is 0.8 σ, and σ is close to the target.
         assert!((0.5..1.0).contains(&(fine.error.unwrap() / 0.2)), "{fine:?}");
         let dark = of(0.1, 300.0);
         assert!(dark.masked == 1.0 && dark.seconds == START as f64, "{dark:?}");

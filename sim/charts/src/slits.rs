@@ -1,4 +1,4 @@
-//! Slits under lamps of any size: the average in closed form, and sums over points of the lamp.
+//! Study of slits under lamps of any size: closed-form average, and sums over points of the lamp.
 
 use super::environment::Last;
 use nacre_brdf::Slits;
@@ -11,14 +11,14 @@ use std::time::Instant;
 const POINTS: [usize; 6] = [1, 4, 16, 64, 256, 1024];
 const LAMPS_DEG: [f64; 9] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
 
-/// Wavelength in µm, and places across the orders.
+/// Wavelength in µm, and number of sampling points across the orders.
 const LAMBDA_UM: f64 = 0.55;
 const PLACES: usize = 400;
 
-/// Points of the truth for each oscillation of the sum over slits.
+/// Points of the reference for each oscillation of the sum over slits.
 const POINTS_OF_A_LOBE: f64 = 40.0;
 
-/// A sum over the lamp ends at so many standard deviations.
+/// Truncation of the sum over the lamp, in standard deviations.
 const REACH: f64 = 5.0;
 
 pub(super) fn study(effort: Effort) -> Study {
@@ -53,11 +53,11 @@ pub(super) fn study(effort: Effort) -> Study {
         reference: 5,
         run: Box::new(move |setting, scene, seed| {
             let sigma = LAMPS_DEG[scene].to_radians() / LAMBDA_UM;
-            // Every run has places of its own.
+            // Each run uses different sampling points.
             let start = uniform(key(&[seed, 3])) / PLACES as f64;
             let places: Vec<f64> = (0..PLACES).map(|k| 2.0 * (k as f64 / PLACES as f64 + start) - 1.0).collect();
             let truth = last.get(scene, seed, || {
-                // As many points as lobes need that a lamp of this size covers.
+                // The number of points is proportional to the number of lobes covered by the lamp.
                 let points = ((POINTS_OF_A_LOBE * sigma * spread()) as usize).clamp(1000, 40_000);
                 Ok(places.par_iter().map(|f| summed(*f, sigma, points)).collect::<Vec<f64>>())
             })?;
@@ -75,7 +75,8 @@ pub(super) fn study(effort: Effort) -> Study {
     }
 }
 
-/// Distance of the outermost slits, over which light oscillates fastest, times the lamp's reach: oscillations per unit of σ.
+/// Oscillations per unit of σ: the distance of the outermost slits, over which the sum oscillates fastest, times the
+/// truncation.
 fn spread() -> f64 {
     2.0 * REACH * Slits::DISC.spacing_um * Slits::DISC.count as f64
 }
@@ -87,7 +88,7 @@ fn light(setting: usize, frequency: f64, sigma: f64) -> f64 {
     }
 }
 
-/// Points of a lamp at even steps.
+/// Sum over equidistant points of a lamp.
 fn summed(frequency: f64, sigma: f64, points: usize) -> f64 {
     let (mut sum, mut all) = (0.0, 0.0);
     for k in 0..points {
@@ -103,7 +104,7 @@ fn summed(frequency: f64, sigma: f64, points: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// The closed form is exact under any lamp, a point is not, and many points do under small lamps only.
+    /// The closed form is exact for every lamp, a single point is not, and many points suffice for small lamps only.
     #[test]
     fn the_closed_form_is_exact_under_any_lamp() {
         let study = study(Effort::Quick);

@@ -1,4 +1,4 @@
-//! Pictures of tables in a room by two passes, at ranks, against samples.
+//! Study of pictures rendered from lookup tables in a room: two passes at several ranks, against sampling.
 
 use super::environment::{EXTENT, Last, Pattern, room};
 use super::render::{broken, outcome};
@@ -12,21 +12,21 @@ use std::fmt::Write;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// Terms of the table, as in the 2017 CVMP paper.
+/// Ranks of the factorised table, as in the 2017 CVMP paper.
 const RANKS: [usize; 4] = [1, 3, 10, 21];
 
-/// Errors that the other methods are asked for.
+/// Target errors of the sampling methods.
 const ASKED: [f64; 3] = [0.3, 0.1, 0.03];
 
-/// How many times as exact as the finest of them the truth is.
+/// Ratio of the smallest target error to that of the reference picture.
 const TRUTH: f64 = 3.0;
 
-/// Entries of the table along a side, width of its streaks and size of the lamps.
+/// Entries along a side of the table, width of its streaks and size of the lamps.
 const ENTRIES: usize = 128;
 const STREAK: f64 = 0.03;
 const LAMP_DEG: f64 = 6.0;
 
-/// Shapes, by their names.
+/// Names and shapes.
 const SHAPES: [(&str, &str); 4] = [
     ("plane", "type = \"plane\"\nsize = [100, 100]\nnormal = [0.2, 0.1, 1]"),
     (
@@ -37,7 +37,7 @@ const SHAPES: [(&str, &str); 4] = [
     ("sphere", "type = \"sphere\"\ncenter = [0, 0, 0]\nradius = 50\naxis = [0, 1, 0]\nstart = [0, 0, 1]"),
 ];
 
-/// The files of a scene, and the picture that others are compared with.
+/// Files of a scene, and its reference picture.
 struct Sample {
     folder: TempDir,
     scene: Scene,
@@ -60,7 +60,7 @@ impl Sample {
         Ok(sample)
     }
 
-    /// A picture, the seconds that it took, and its error as the report has it.
+    /// A picture, its computing time in s, and the error in its report.
     fn picture(&self, method: Method, max_error: f64, rank: Option<usize>) -> Result<(Picture, f64, f64)> {
         let settings = Settings { method, max_error, rank, samples: 1 << 16, ..Settings::default() };
         let (picture, report) = render(&self.scene, self.folder.path(), &settings, &Silent)?;
@@ -68,7 +68,7 @@ impl Sample {
     }
 }
 
-/// Writes a room, a table of two crossed streaks, and a bowl that is bent along both sides.
+/// Writes an environment, a table of two crossed streaks, and a bowl curved in both directions.
 fn files(folder: &Path, seed: u64) -> Result<()> {
     let room = room(256, LAMP_DEG, seed)?;
     write_exr(&folder.join("room.exr"), room.width, room.height, &["R", "G", "B"], &[], &|c, y, row| {
@@ -146,7 +146,7 @@ pub(super) fn study(effort: Effort) -> Study {
 mod tests {
     use super::*;
 
-    /// More terms are nearer to the whole integral, and the error that is reported is that of the picture.
+    /// A higher rank approaches the full integral, and the reported error matches that of the picture.
     #[test]
     fn ranks_approach_the_integral() {
         let study = study(Effort::Quick);

@@ -1,22 +1,22 @@
-//! Controls: everything automatic off, then manual values, then what the camera made of them.
+//! Camera controls: automatic functions off, then manual values, then readback of the values in force.
 
 use super::node::{Node, Range};
 use super::settings::GainScale;
 use std::io;
 use std::time::Duration;
 
-/// Exposure control of cameras; its unit is 100 µs.
+/// Exposure control of cameras, in units of 100 µs.
 pub const EXPOSURE: u32 = 0x009a_0902;
-/// Gain control; its unit is the camera's own.
+/// Gain control, in camera-specific units.
 pub const GAIN: u32 = 0x0098_0913;
-/// Gain control of the sensor alone, for drivers without the other.
+/// Analogue gain control of the sensor, for drivers without [`GAIN`].
 pub const ANALOGUE_GAIN: u32 = 0x009e_0903;
 
 /// Units of [`EXPOSURE`] per second.
 const PER_SECOND: f64 = 1e4;
 
-/// What a camera must not do by itself: control, name, and the value that ends it. Switches come first, since manual
-/// values are refused before. What a camera does not have is left out.
+/// Automatic functions to disable: control, name, and the value that disables it. Mode switches come first, since
+/// cameras refuse manual values before. Missing controls are skipped.
 const OFF: [(u32, &str, i64); 14] = [
     (0x009a_0901, "automatic exposure", 1),
     (0x009a_0903, "priority of exposure over the frame rate", 0),
@@ -35,20 +35,20 @@ const OFF: [(u32, &str, i64); 14] = [
     (0x0098_0910, "gamma", 100),
 ];
 
-/// Exposure and gain of a camera.
+/// Ranges of exposure and gain.
 #[derive(Clone, Copy, Debug)]
 pub struct Ranges {
-    /// None where there is no control.
+    /// Exposure range; `None` without a control.
     pub exposure: Option<Range>,
-    /// The gain control with its range; None where there is none.
+    /// Gain control and its range; `None` without a control.
     pub gain: Option<(u32, Range)>,
 }
 
 impl Ranges {
-    /// Reads them.
+    /// Reads the ranges.
     ///
     /// # Errors
-    /// As the kernel answers.
+    /// As the kernel.
     pub fn read(node: &mut dyn Node) -> io::Result<Self> {
         let usable = |range: Option<Range>| range.filter(|r| !r.fixed && r.high > 0 && r.high >= r.low);
         let exposure = usable(node.range(EXPOSURE)?);
@@ -63,7 +63,7 @@ impl Ranges {
     /// Lowest and highest gain.
     pub fn gains(&self, scale: GainScale) -> [f64; 2] {
         match self.gain {
-            // A gain of 0 is none, whatever a camera says.
+            // A gain of 0 is invalid, even if the camera's range includes it.
             Some((_, Range { low, high, .. })) => match scale {
                 GainScale::Unity(_) => [low.max(1), high].map(|v| scale.linear(v, low)),
                 GainScale::DbPerStep(_) => [low, high].map(|v| scale.linear(v, low)),
@@ -73,16 +73,16 @@ impl Ranges {
         }
     }
 
-    /// Shortest and longest exposure in seconds, where there is a control.
+    /// Shortest and longest exposure in s; `None` without a control.
     pub fn exposures(&self) -> Option<[f64; 2]> {
         self.exposure.map(|r| [r.low.max(1), r.high].map(|v| v as f64 / PER_SECOND))
     }
 }
 
-/// Switches off what the camera would do by itself. Returns what it went on doing.
+/// Disables the automatic functions. Returns the names of those that remain active.
 ///
 /// # Errors
-/// When the device is gone.
+/// If the device is gone.
 pub fn all_manual(node: &mut dyn Node) -> io::Result<Vec<String>> {
     let mut left = Vec::new();
     for (id, name, off) in OFF {
@@ -91,7 +91,7 @@ pub fn all_manual(node: &mut dyn Node) -> io::Result<Vec<String>> {
         if !range.fixed {
             match node.set(id, wanted) {
                 Err(e) if is_gone(&e) => return Err(e),
-                // What it is says more than why it could not be set.
+                // The readback decides, not the error of the setter.
                 _ => {}
             }
         }
@@ -104,12 +104,12 @@ pub fn all_manual(node: &mut dyn Node) -> io::Result<Vec<String>> {
     Ok(left)
 }
 
-/// Sets an exposure, rounded to what the camera can do; returns the one in force.
+/// Sets the exposure, rounded to the nearest supported value; returns the one in force.
 ///
 /// # Errors
-/// As the kernel answers.
+/// As the kernel.
 pub fn expose(node: &mut dyn Node, range: Range, exposure: Duration) -> io::Result<Duration> {
-    // 0 is no exposure, whatever a camera says.
+    // An exposure of 0 is invalid, even if the camera's range includes it.
     let range = Range { low: if range.low < 1 { range.low + range.step.max(1) } else { range.low }, ..range };
     node.set(EXPOSURE, range.nearest(exposure.as_secs_f64() * PER_SECOND).max(1))?;
     exposure_now(node)
@@ -118,28 +118,28 @@ pub fn expose(node: &mut dyn Node, range: Range, exposure: Duration) -> io::Resu
 /// Exposure in force.
 ///
 /// # Errors
-/// As the kernel answers.
+/// As the kernel.
 pub fn exposure_now(node: &mut dyn Node) -> io::Result<Duration> {
     let value = node.get(EXPOSURE)?.clamp(0, 1 << 32);
     Ok(Duration::from_micros(value.unsigned_abs() * 100))
 }
 
-/// Sets a gain, rounded to what the camera can do; returns the one in force.
+/// Sets the gain, rounded to the nearest supported value; returns the one in force.
 ///
 /// # Errors
-/// As the kernel answers.
+/// As the kernel.
 pub fn amplify(node: &mut dyn Node, ranges: &Ranges, scale: GainScale, gain: f64) -> io::Result<f64> {
     let Some((id, range)) = ranges.gain else { return Ok(1.0) };
     node.set(id, range.nearest(scale.value(gain, range.low)))?;
     let value = node.get(id)?;
     Ok(match scale {
-        // Its unit is not known: all that this says is that it is not the lowest.
+        // The unit is unknown: the result only shows that the gain is not the lowest.
         GainScale::Lowest if value != range.low => 1.0 + value.abs_diff(range.low) as f64,
         _ => scale.linear(value, range.low),
     })
 }
 
-/// The device is no longer there.
+/// Whether the error means that the device is gone.
 pub fn is_gone(e: &io::Error) -> bool {
     const GONE: [rustix::io::Errno; 3] =
         [rustix::io::Errno::NODEV, rustix::io::Errno::NXIO, rustix::io::Errno::SHUTDOWN];

@@ -1,4 +1,4 @@
-//! The camera, on any [`Node`].
+//! The V4L2 camera driver, on any [`Node`].
 
 use super::controls::{self, Ranges, is_gone};
 use super::node::{Buffer, Node};
@@ -13,13 +13,13 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Longest wait in the kernel at a time.
+/// Longest single wait in the kernel.
 const SLICE: Duration = Duration::from_millis(200);
-/// A camera may take this many exposures, and [`SLACK`], for a frame.
+/// Maximum time for a frame, in exposures; [`SLACK`] is added.
 const PATIENCE: u32 = 3;
 const SLACK: Duration = Duration::from_secs(1);
 
-/// Does to the camera what unplugging it does, where that is possible; Err says why not.
+/// Resets the camera as if it were unplugged, where that is possible; `Err` gives the reason otherwise.
 pub type Reset = Box<dyn FnMut() -> Result<(), String> + Send>;
 
 /// A camera of V4L2.
@@ -37,20 +37,20 @@ pub struct V4l2Camera {
     streaming: bool,
 }
 
-/// What came of a wait for a frame.
+/// Result of waiting for a frame.
 enum Polled {
     Frame(Frame),
-    /// Nothing yet, or a frame that is not newer than the last.
+    /// No frame yet, or a frame that is not newer than the last.
     Nothing,
-    /// A frame whose time is not known.
+    /// A frame without a valid time.
     NoTime,
 }
 
 impl V4l2Camera {
-    /// Prepares a camera: its format, everything automatic off. `id` is its stable identity.
+    /// Prepares a camera: sets its format and disables automatic functions. `id` is its stable identity.
     ///
     /// # Errors
-    /// `Setup` when it is no camera that can be used; `Lost` when it is gone.
+    /// `Setup` if the device is not a usable camera; `Lost` if it is gone.
     pub fn open(
         mut node: Box<dyn Node>,
         id: &str,
@@ -86,20 +86,20 @@ impl V4l2Camera {
 
     fn stop(&mut self) {
         if self.streaming {
-            // One that does not stop is gone, which the next command says.
+            // A stream that cannot be stopped belongs to a device that is gone; the next command reports it.
             let _ = self.node.stop();
             self.streaming = false;
         }
     }
 
-    /// The stream failed. A device that is pulled out fails in several ways before it is gone, so all are taken for it:
-    /// connecting again is no harm.
+    /// Error of a failed stream. An unplugged device fails in several ways before it disappears, so every failure
+    /// counts as a lost link: reconnecting does no harm.
     fn broken(&mut self, e: &io::Error) -> DeviceError {
         self.stop();
         failure(&self.info.id, "take a frame", "a frame", e).class(Class::Lost)
     }
 
-    /// No frame came for so long that none will.
+    /// Error for a camera whose next frame is overdue.
     fn hangs(&mut self, waited: Duration) -> DeviceError {
         self.stop();
         let got = format!("none within {:.1} s", waited.as_secs_f64());
@@ -137,7 +137,7 @@ impl V4l2Camera {
 
     fn set(&mut self, exposure: Duration, gain: f64) -> io::Result<(Duration, f64)> {
         let exposure = match self.ranges.exposure {
-            // One that was set by other means stays.
+            // An exposure set by other means remains in force.
             _ if self.settings.exposure_ms.is_some() => self.exposure,
             Some(range) => controls::expose(self.node.as_mut(), range, exposure)?,
             None => self.exposure,
@@ -198,7 +198,7 @@ impl Camera for V4l2Camera {
     }
 }
 
-/// When readout ended, and not later. `after_start` is from the start of exposure to there.
+/// Latest possible end of readout. `after_start` is the time from the start of exposure to the end of readout.
 fn end_of_readout(buffer: &Buffer<'_>, settings: &Settings, after_start: Duration, now: Duration) -> Duration {
     let starts = match settings.timestamps {
         Timestamps::Auto => buffer.start_of_exposure,
@@ -208,7 +208,7 @@ fn end_of_readout(buffer: &Buffer<'_>, settings: &Settings, after_start: Duratio
     let latency = Duration::try_from_secs_f64(settings.latency_ms / 1e3).unwrap_or_default();
     let end =
         if starts { buffer.timestamp.saturating_add(after_start) } else { buffer.timestamp.saturating_sub(latency) };
-    // The frame is here, so it has ended.
+    // The frame has arrived, so its readout has ended.
     end.min(now)
 }
 
@@ -225,7 +225,7 @@ fn frame(picture: &Picture, buffer: &Buffer<'_>, stamp: Stamp, fresh: Freshness)
     }
 }
 
-/// An error of the kernel about a control, whose codes mean something else than those of opening.
+/// Kernel error of a control, whose codes differ in meaning from those of opening.
 fn refused(id: &str, e: &io::Error) -> DeviceError {
     let error = failure(id, "set exposure and gain", "both set", e);
     match e.raw_os_error().map(Errno::from_raw_os_error) {
@@ -238,7 +238,7 @@ fn refused(id: &str, e: &io::Error) -> DeviceError {
     }
 }
 
-/// An error of the kernel, with what it means.
+/// Device error for a kernel error, with its meaning.
 pub(super) fn failure(id: &str, command: &str, expected: &str, e: &io::Error) -> DeviceError {
     let error = DeviceError::new(id, command, expected, e.to_string());
     let code = e.raw_os_error().map(Errno::from_raw_os_error);
@@ -264,7 +264,7 @@ pub(super) fn failure(id: &str, command: &str, expected: &str, e: &io::Error) ->
         Some(Errno::INVAL | Errno::NOTTY) => {
             error.remedy("the camera cannot do this: choose another format or camera").class(Class::Setup)
         }
-        // A USB camera that is too busy for a command.
+        // A USB camera may be too busy for a command.
         _ => error.remedy("plug the camera out and in again if this comes back").class(Class::Retry),
     }
 }

@@ -1,4 +1,4 @@
-//! A camera for tests: it clamps, is late, loses, damages and mixes up frames, hangs, and is pulled out.
+//! A fake camera for tests: it clamps values, is late, loses, damages and reorders frames, hangs, and disconnects.
 
 use super::node::{Buffer, Format, Node, Range};
 use crate::Clock;
@@ -9,11 +9,11 @@ use std::time::Duration;
 
 pub const ENODEV: i32 = 19;
 pub const SIZE: [u32; 2] = [8, 4];
-/// Code of no light, and the light of an exposure of 10 ms.
+/// Code of black, and code increase at an exposure of 10 ms.
 pub const BLACK: f64 = 16.0;
 pub const LIGHT: f64 = 50.0;
 
-/// Time that only passes when someone waits.
+/// Simulated time that advances only while someone waits.
 #[derive(Clone, Default)]
 pub struct FakeClock(Arc<Mutex<Duration>>);
 
@@ -29,13 +29,13 @@ impl Clock for FakeClock {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// The kernel had no buffer.
+    /// The kernel had no free buffer.
     Drop,
-    /// Flagged as damaged.
+    /// The frame is flagged as damaged.
     Damage,
-    /// Half of it.
+    /// Only half of the frame arrives.
     Truncate,
-    /// The frame before once more.
+    /// The previous frame is repeated.
     Again,
     /// No frame for this long.
     Silence(Duration),
@@ -46,9 +46,9 @@ pub enum Fault {
 
 pub struct State {
     pub controls: BTreeMap<u32, (Range, i64)>,
-    /// Controls that are only taken up to this value.
+    /// Controls that are clamped to this value.
     pub clamps: BTreeMap<u32, i64>,
-    /// Order in which controls were set.
+    /// Controls in the order in which they were set.
     pub set: Vec<(u32, i64)>,
     pub faults: VecDeque<Fault>,
     pub formats: Vec<[u8; 4]>,
@@ -205,7 +205,7 @@ impl Node for FakeNode {
             self.clock.wait(wait);
             state.sequence += lost;
             let level = state.level();
-            // Rows of 8 in 10 bytes.
+            // Rows of 8 pixels in 10 bytes.
             let rows = if fault == Some(Fault::Truncate) { 2 } else { SIZE[1] as usize };
             let frame = vec![[[level; 8].as_slice(), &[0, 255]].concat(); rows].concat();
             state.frame = frame;
@@ -215,7 +215,7 @@ impl Node for FakeNode {
             false => state.ended,
         };
         let (sequence, start_of_exposure) = (state.sequence - 1, state.start_of_exposure);
-        // Tests look at one frame at a time.
+        // Tests examine one frame at a time.
         let bytes: &'static [u8] = Box::leak(state.frame.clone().into_boxed_slice());
         let (monotonic, error) = (fault != Some(Fault::WallClock), fault == Some(Fault::Damage));
         Ok(Some(Buffer { bytes, sequence, timestamp, monotonic, start_of_exposure, error }))

@@ -1,7 +1,7 @@
-//! The kernel's video devices.
+//! Video devices of the kernel.
 //!
-//! The crate `v4l` panics on answers that it does not know, such as a new colour space. Where it may, the panic is caught
-//! and becomes an error.
+//! The crate `v4l` panics on unknown answers, such as a new colour space. Every call that may panic is wrapped, and the
+//! panic becomes an error.
 
 use super::driver::{Reset, V4l2Camera, failure};
 use super::node::{Buffer, Format, Node, Range};
@@ -21,23 +21,23 @@ use v4l::v4l_sys::v4l2_query_ext_ctrl;
 use v4l::video::Capture;
 use v4l::{Device, FourCC, Fraction, control, format::Quantization};
 
-/// Whether uvcvideo takes its timestamps from the camera ("1") or from the arrival of a frame's first packet.
+/// Parameter of uvcvideo: whether timestamps come from the camera ("1") or from the arrival of a frame's first packet.
 const UVC_CLOCK: &str = "/sys/module/uvcvideo/parameters/hwtimestamps";
-/// Longest list of sizes, formats or rates that is read.
+/// Maximum number of sizes, formats or rates that are read.
 const MAX_LIST: usize = 4096;
 
 /// A video device of the kernel.
 pub struct KernelNode {
     device: Device,
     stream: Option<Stream<'static>>,
-    /// The flag for the start of exposure is to be believed.
+    /// Whether the flag for the start of exposure is reliable.
     starts: bool,
 }
 
 /// Opens a camera.
 ///
 /// # Errors
-/// `Setup` when it is not there, may not be opened or is something else.
+/// `Setup` if the device is missing, may not be opened or is no camera.
 pub fn open(settings: &Settings, clock: &Arc<dyn Clock>) -> DeviceResult<V4l2Camera> {
     let failed = |e| failure(&settings.device, "open", "a camera", &e);
     let path = std::fs::canonicalize(&settings.device).map_err(failed)?;
@@ -47,7 +47,7 @@ pub fn open(settings: &Settings, clock: &Arc<dyn Clock>) -> DeviceResult<V4l2Cam
     V4l2Camera::open(Box::new(node), &id, settings.clone(), clock.clone(), resetter(place))
 }
 
-/// Kind and serial number; of a camera that is not on USB, its name.
+/// Model and serial number; the name for a camera that is not on USB.
 fn identity(place: &Path, node: &Path) -> String {
     if let Some(usb) = usb_reset::usb_identity(place) {
         return format!("v4l2 {usb}");
@@ -68,28 +68,28 @@ impl KernelNode {
     /// Opens the device node `path`.
     ///
     /// # Errors
-    /// As the kernel answers.
+    /// As the kernel.
     pub fn open(path: &Path) -> io::Result<Self> {
         let driver = usb_reset::sysfs_device("video4linux", path).and_then(|p| p.join("driver").canonicalize().ok());
         let uvc = driver.is_some_and(|d| d.ends_with("uvcvideo"));
-        // By default uvcvideo flags the start of exposure, but takes the time when a frame's first packet came. That is
-        // after its exposure: late by up to the time of a frame if it were taken for the start.
+        // By default uvcvideo flags the start of exposure but stamps the arrival of a frame's first packet. That packet
+        // arrives after the exposure, so the stamp would be late by up to a frame period.
         let from_camera = std::fs::read_to_string(UVC_CLOCK).is_ok_and(|v| matches!(v.trim(), "1" | "Y"));
         Ok(Self { device: Device::with_path(path)?, stream: None, starts: !uvc || from_camera })
     }
 }
 
-/// Runs what may panic in the crate `v4l`.
+/// Runs a call into the crate `v4l` and converts a panic into an error.
 fn caught<T>(run: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
     catch_unwind(AssertUnwindSafe(run))
         .unwrap_or_else(|_| Err(io::Error::other("an answer of the kernel that the crate v4l does not know")))
 }
 
-/// The crate asks for all controls at once, and panics on those of types that it does not know.
+/// The crate queries all controls at once and panics on unknown control types.
 #[allow(unsafe_code, reason = "the crate has no safe way to ask for one control's range")]
 fn query(device: &Device, id: u32) -> io::Result<v4l2_query_ext_ctrl> {
-    // SAFETY: the structure is plain data for which zeros are valid, it lives through the call, and it is the one that
-    // this request reads and writes; the descriptor belongs to `device`.
+    // SAFETY: the structure is plain data for which zeros are valid, and it lives through the call. It is the one that
+    // this request reads and writes. The descriptor belongs to `device`.
     unsafe {
         let mut asked = v4l2_query_ext_ctrl { id, ..std::mem::zeroed() };
         let request = v4l::v4l2::vidioc::VIDIOC_QUERY_EXT_CTRL;
@@ -114,7 +114,7 @@ impl Node for KernelNode {
             })),
             Ok(_) => Ok(None),
             Err(e) if matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => Ok(None),
-            // A driver without any controls.
+            // The driver has no controls.
             Err(e) if e.raw_os_error() == Some(rustix::io::Errno::NOTTY.raw_os_error()) => Ok(None),
             Err(e) => Err(e),
         }
@@ -159,7 +159,7 @@ impl Node for KernelNode {
 
     fn intervals(&mut self, format: &Format) -> io::Result<Vec<f64>> {
         let [width, height] = format.size;
-        // Those that cannot list them can still be asked for one.
+        // Drivers that cannot list intervals can still report the current one.
         let found = caught(|| self.device.enum_frameintervals(FourCC::new(&format.fourcc), width, height));
         let discrete = |interval: v4l::FrameInterval| match interval.interval {
             FrameIntervalEnum::Discrete(fraction) => Some(seconds(&fraction)),
@@ -180,7 +180,7 @@ impl Node for KernelNode {
         match params {
             Ok(params) => Ok(Some(seconds(&params.interval))),
             Err(e) if super::controls::is_gone(&e) => Err(e),
-            // Many drivers have no frame rates.
+            // Many drivers do not report frame rates.
             Err(_) => Ok(None),
         }
     }
@@ -188,11 +188,11 @@ impl Node for KernelNode {
     fn start(&mut self, buffers: u32) -> io::Result<()> {
         self.stop()?;
         let mut stream = Stream::with_buffers(&self.device, Type::VideoCapture, buffers.max(2))?;
-        // `next` queues the buffer that it gave out last, which at first is number 0; the others are queued here.
+        // `next` requeues the buffer that it returned last, initially number 0; the others are queued here.
         for index in 1.. {
             match CaptureStream::queue(&mut stream, index) {
                 Ok(()) => {}
-                // There are no more: the driver decides how many.
+                // There are no more buffers: the driver decides their number.
                 Err(e) if e.kind() == io::ErrorKind::InvalidInput && index > 1 => break,
                 Err(e) => {
                     release(stream);
@@ -219,7 +219,7 @@ impl Node for KernelNode {
         let starts = self.starts;
         let Some(stream) = &mut self.stream else { return Err(io::Error::other("no stream")) };
         let ms = i32::try_from(timeout.as_millis()).unwrap_or(i32::MAX);
-        // POLLIN. A device that is gone is ready at once, and fails below.
+        // POLLIN. A device that is gone is ready at once, and the read below fails.
         if caught(|| stream.handle().poll(1, ms))? == 0 {
             return Ok(None);
         }
@@ -246,8 +246,8 @@ impl Drop for KernelNode {
     }
 }
 
-/// Stops a stream and gives its buffers back. The crate panics where that fails, and would end the process when it fails
-/// twice: then it is left as it is.
+/// Stops a stream and frees its buffers. The crate panics if that fails, and a second panic would abort the process, so
+/// the stream is then leaked.
 fn release(mut stream: Stream<'static>) {
     match stream.stop() {
         Err(e) if !super::controls::is_gone(&e) => std::mem::forget(stream),

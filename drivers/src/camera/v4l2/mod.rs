@@ -1,7 +1,7 @@
-//! Cameras of the kernel's V4L2.
+//! Cameras of the kernel's V4L2 interface.
 //!
-//! Everything but the last step to the kernel works on a [`node::Node`], so that it is tested without a camera. That step
-//! needs the feature `v4l2`: the bindings to the kernel are made by libclang when Nacre is built.
+//! All code except the kernel calls works on a [`node::Node`], so that it is tested without a camera. The kernel calls
+//! need the feature `v4l2`: libclang generates the bindings when Nacre is built.
 
 pub mod controls;
 pub mod driver;
@@ -26,16 +26,16 @@ use std::sync::Arc;
 /// Opens a camera.
 ///
 /// # Errors
-/// `Setup` when it is not there, may not be opened or is something else.
+/// `Setup` if the device is missing, may not be opened or is no camera.
 #[cfg(feature = "v4l2")]
 pub fn open(settings: &Settings, clock: &Arc<dyn Clock>) -> DeviceResult<Box<dyn Camera>> {
     Ok(Box::new(kernel::open(settings, clock)?))
 }
 
-/// Says that this build has no V4L2.
+/// Reports that this build lacks V4L2 support.
 ///
 /// # Errors
-/// Always `Setup`, with how to get a build that has it.
+/// Always `Setup`, with instructions for a build with V4L2.
 #[cfg(not(feature = "v4l2"))]
 pub fn open(settings: &Settings, _clock: &Arc<dyn Clock>) -> DeviceResult<Box<dyn Camera>> {
     Err(crate::DeviceError::new(&settings.device, "open", "a build with V4L2", "one without")

@@ -1,51 +1,51 @@
-//! What the driver needs of a video device: the seam between it and the kernel.
+//! Interface between the driver and the kernel's video device.
 
 use std::io;
 use std::time::Duration;
 
-/// A video device: one of the kernel, or a fake one in tests.
+/// A video device of the kernel, or a fake one in tests.
 ///
-/// Errors are the kernel's own: `ENODEV` for a device that is gone, `EBUSY` for one in use.
+/// Errors are those of the kernel: `ENODEV` for a device that is gone, `EBUSY` for one in use.
 pub trait Node: Send {
-    /// Range of a control; None if the device does not have it.
+    /// Range of a control; `None` if the device lacks it.
     fn range(&mut self, id: u32) -> io::Result<Option<Range>>;
     /// Sets a control.
     fn set(&mut self, id: u32, value: i64) -> io::Result<()>;
     /// Value of a control.
     fn get(&mut self, id: u32) -> io::Result<i64>;
-    /// Codes of the formats that it offers.
+    /// FourCC codes of the supported formats.
     fn formats(&mut self) -> io::Result<Vec<[u8; 4]>>;
-    /// Sizes that it offers in a format; of a range only the largest.
+    /// Supported sizes in a format; only the largest of a continuous range.
     fn sizes(&mut self, fourcc: [u8; 4]) -> io::Result<Vec<[u32; 2]>>;
-    /// Sets format and size; returns what became of them.
+    /// Sets format and size; returns those in force.
     fn set_format(&mut self, fourcc: [u8; 4], size: [u32; 2]) -> io::Result<Format>;
-    /// Times from frame to frame that it offers, in seconds.
+    /// Supported frame intervals in s.
     fn intervals(&mut self, format: &Format) -> io::Result<Vec<f64>>;
-    /// Sets the time from frame to frame where one is given; returns the one in force, if the device tells.
+    /// Sets the frame interval in s if given; returns the one in force, or `None` if the device does not report it.
     fn interval(&mut self, seconds: Option<f64>) -> io::Result<Option<f64>>;
-    /// Starts the stream with this many buffers; its sequence numbers begin again.
+    /// Starts the stream with this many buffers; sequence numbers restart.
     fn start(&mut self, buffers: u32) -> io::Result<()>;
     /// Stops the stream.
     fn stop(&mut self) -> io::Result<()>;
-    /// The oldest frame in the queue; None when none came within `timeout`.
+    /// The oldest frame in the queue; `None` if none arrived within `timeout`.
     fn dequeue(&mut self, timeout: Duration) -> io::Result<Option<Buffer<'_>>>;
 }
 
-/// What a control can be set to.
+/// Range of a control's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Range {
     /// Lowest value.
     pub low: i64,
     /// Highest value.
     pub high: i64,
-    /// Values differ by multiples of it.
+    /// Step between supported values.
     pub step: i64,
-    /// It cannot be set.
+    /// Whether the control is read-only.
     pub fixed: bool,
 }
 
 impl Range {
-    /// The value nearest to `value` that can be set.
+    /// The supported value closest to `value`.
     pub fn nearest(&self, value: f64) -> i64 {
         let (low, high) = (self.low, self.high.max(self.low));
         let step = self.step.max(1) as f64;
@@ -55,34 +55,34 @@ impl Range {
     }
 }
 
-/// Format of a stream, as the kernel says.
+/// Format of a stream, as reported by the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Format {
-    /// Code of the format.
+    /// FourCC code of the format.
     pub fourcc: [u8; 4],
-    /// Pixels per row, and rows.
+    /// Width and height in pixels.
     pub size: [u32; 2],
     /// Bytes from one row to the next.
     pub stride: u32,
-    /// Luma uses all codes; None if the device does not say.
+    /// Whether luma uses the full range of codes; `None` if the device does not report it.
     pub full_range: Option<bool>,
 }
 
-/// A frame as it lies in the kernel's memory.
+/// A frame in the kernel's memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Buffer<'a> {
-    /// What the camera sent.
+    /// Payload sent by the camera.
     pub bytes: &'a [u8],
-    /// Counts frames since the stream was started, including dropped ones.
+    /// Frame number since the start of the stream, including dropped frames.
     pub sequence: u32,
-    /// On the monotonic clock.
+    /// Timestamp, on the clock given by `monotonic`.
     pub timestamp: Duration,
-    /// The timestamp is on the monotonic clock.
+    /// Whether the timestamp is on the monotonic clock.
     pub monotonic: bool,
-    /// The timestamp is that of the exposure's start; otherwise that of the frame's arrival, which may be later than the end of
-    /// readout by the time that the camera takes to work on it ([`super::Settings::latency_ms`]).
+    /// Whether the timestamp is that of the exposure's start. Otherwise it is that of the frame's arrival, which lags
+    /// the end of readout by the camera's processing time ([`super::Settings::latency_ms`]).
     pub start_of_exposure: bool,
-    /// The driver says that the frame is damaged.
+    /// Whether the driver flags the frame as damaged.
     pub error: bool,
 }
 

@@ -1,4 +1,4 @@
-//! From a device node to a camera that can be used: format, frame rate, and what it can do.
+//! Set-up of a camera from its device node: format, frame rate and capabilities.
 
 use super::controls::{self, Ranges};
 use super::driver::failure;
@@ -10,19 +10,19 @@ use crate::{CameraInfo, Class, DeviceError, DeviceResult};
 use std::io;
 use std::time::Duration;
 
-/// A camera as it was found and set up.
+/// A camera after set-up, with its capabilities.
 pub(super) struct Opened {
     pub picture: Picture,
     pub format: Format,
     pub ranges: Ranges,
-    /// From frame to frame, in seconds, where the camera tells.
+    /// Frame interval in s, if the camera reports it.
     pub interval_s: Option<f64>,
     pub exposure: Duration,
     pub exposures_s: [f64; 2],
     pub warnings: Vec<String>,
 }
 
-/// Time from frame to frame where the camera does not tell it.
+/// Assumed frame interval in s, if the camera does not report it.
 pub(super) const INTERVAL_S: f64 = 0.05;
 
 impl Opened {
@@ -41,7 +41,8 @@ impl Opened {
     }
 
     pub(super) fn info(&self, id: &str, settings: &Settings) -> CameraInfo {
-        // Luma has a foot and a head unless the camera says otherwise. Where that is wrong, codes are given away.
+        // Luma has foot- and headroom unless the camera reports full range. If that is wrong, only some code range is
+        // lost.
         let luma = !self.picture.format.raw() && !self.picture.is_jpeg();
         let narrow = luma && self.format.full_range != Some(true);
         let [black, white] = if narrow { [16, 235] } else { [0, self.picture.format.white()] };
@@ -54,7 +55,7 @@ impl Opened {
             gain: self.ranges.gains(settings.gain),
             black: settings.black.unwrap_or(black),
             white: settings.white.unwrap_or(white),
-            // A rolling shutter needs most of a frame's time to run down.
+            // A rolling shutter reads the rows over most of a frame period.
             readout_s: settings.readout_ms.map_or(self.interval_s.unwrap_or(INTERVAL_S), |ms| ms / 1e3),
             control_lag_frames: settings.control_lag_frames,
             shutter: false,
@@ -106,13 +107,13 @@ fn choose_format(node: &mut dyn Node, id: &str, settings: &Settings) -> DeviceRe
     Ok((picture, got))
 }
 
-/// Sets the frame rate, where one is wished; returns the time from frame to frame.
+/// Sets the frame rate, if requested; returns the frame interval.
 fn set_interval(node: &mut dyn Node, format: &Format, fps: Option<f64>) -> io::Result<Option<f64>> {
     let wanted = match fps {
         None => None,
         Some(fps) => {
             let nearest = |a: &f64, b: &f64| (a * fps).ln().abs().total_cmp(&(b * fps).ln().abs());
-            // A camera with a continuous range says so by none of its own.
+            // A camera with a continuous range lists no intervals.
             let offered = node.intervals(format)?.into_iter().filter(|s| s.is_finite() && *s > 0.0);
             Some(offered.min_by(nearest).unwrap_or(1.0 / fps))
         }
@@ -136,6 +137,6 @@ fn exposures(
         return Err(setup(id, "a manual exposure in 100 µs", "a camera without this control").remedy(remedy));
     };
     let now = controls::exposure_now(node).map_err(|e| failure(id, "read the exposure", "a value", &e))?;
-    // Longer than a frame, most cameras only say that they expose.
+    // Most cameras accept exposures longer than a frame without applying them.
     Ok(([low, interval_s.map_or(high, |s| high.min(s)).max(low)], now))
 }

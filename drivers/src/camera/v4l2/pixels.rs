@@ -1,4 +1,4 @@
-//! Pixels as cameras send them, turned into codes of one channel.
+//! Conversion of camera pixel formats to codes of one channel.
 
 use std::panic::catch_unwind;
 use zune_jpeg::JpegDecoder;
@@ -6,36 +6,36 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// Longest side of a picture. Larger ones are a driver's mistake.
+/// Maximum side of a picture. Larger values indicate a driver error.
 pub const MAX_SIDE: usize = 32768;
-/// Most pixels of a picture.
+/// Maximum number of pixels of a picture.
 pub const MAX_PIXELS: usize = 150_000_000;
 
-/// How a row of pixels is stored.
+/// Memory layout of a row of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
     /// One byte per pixel.
     Bytes,
-    /// Two bytes per pixel, the lower one first.
+    /// Two bytes per pixel, little endian.
     Words,
-    /// Four pixels in five bytes: four upper bytes, then two bits of each.
+    /// Four pixels in five bytes: four upper bytes, then two low bits of each.
     TenPacked,
-    /// Two pixels in three bytes: two upper bytes, then four bits of each.
+    /// Two pixels in three bytes: two upper bytes, then four low bits of each.
     TwelvePacked,
-    /// A byte of luma, then a byte of colour.
+    /// A byte of luma, then a byte of chroma.
     LumaFirst,
-    /// A byte of colour, then a byte of luma.
+    /// A byte of chroma, then a byte of luma.
     LumaSecond,
     /// A JPEG file per frame.
     Jpeg,
 }
 
-/// A format that can be read.
+/// A supported pixel format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelFormat {
-    /// Its name to the kernel.
+    /// FourCC code of the format.
     pub fourcc: [u8; 4],
-    /// How a row is stored.
+    /// Layout of a row.
     pub layout: Layout,
     /// Bits per code.
     pub bits: u32,
@@ -45,7 +45,7 @@ const fn format(fourcc: &[u8; 4], layout: Layout, bits: u32) -> PixelFormat {
     PixelFormat { fourcc: *fourcc, layout, bits }
 }
 
-/// All of them, the best first: raw before what a camera has processed, more bits before fewer.
+/// All supported formats in order of preference: raw before processed, more bits before fewer.
 pub const FORMATS: [PixelFormat; 35] = [
     format(b"BYR2", Layout::Words, 16),
     format(b"GB16", Layout::Words, 16),
@@ -85,17 +85,17 @@ pub const FORMATS: [PixelFormat; 35] = [
 ];
 
 impl PixelFormat {
-    /// The format of this name, with or without the blanks at its end.
+    /// The format of this name, with or without trailing blanks.
     pub fn named(name: &str) -> Option<Self> {
         FORMATS.into_iter().find(|f| f.name() == name.trim_end())
     }
 
-    /// The format of this code.
+    /// The format of this FourCC code.
     pub fn of(fourcc: [u8; 4]) -> Option<Self> {
         FORMATS.into_iter().find(|f| f.fourcc == fourcc)
     }
 
-    /// Its name without blanks.
+    /// Name without trailing blanks.
     pub fn name(&self) -> String {
         String::from_utf8_lossy(&self.fourcc).trim_end().to_owned()
     }
@@ -105,7 +105,7 @@ impl PixelFormat {
         u16::try_from((1u32 << self.bits) - 1).unwrap_or(u16::MAX)
     }
 
-    /// Codes are what the sensor counted, as far as the format can tell: no luma of a colour picture.
+    /// Whether codes are sensor counts, as far as the format shows: luma of a colour picture is processed.
     pub fn raw(&self) -> bool {
         !matches!(self.layout, Layout::LumaFirst | Layout::LumaSecond | Layout::Jpeg)
     }
@@ -132,15 +132,15 @@ pub struct Picture {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Bytes from one row to the next; 0 for rows without a gap.
+    /// Bytes from one row to the next; 0 for rows without padding.
     pub stride: usize,
 }
 
 impl Picture {
-    /// Says why there is no such picture.
+    /// Checks size and stride.
     ///
     /// # Errors
-    /// The size, where it is none; a stride that is shorter than a row.
+    /// An invalid size, or a stride shorter than a row.
     pub fn check(&self) -> Result<(), String> {
         let Self { format, width, height, stride } = *self;
         let sides = (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height);
@@ -153,25 +153,25 @@ impl Picture {
         Ok(())
     }
 
-    /// Each frame is a JPEG file.
+    /// Whether each frame is a JPEG file.
     pub fn is_jpeg(&self) -> bool {
         self.format.layout == Layout::Jpeg
     }
 
-    /// Codes of one channel, row-major; a Bayer mosaic stays one.
+    /// Unpacks the payload to codes of one channel, row-major; a Bayer mosaic is kept.
     ///
     /// # Errors
-    /// What is wrong with the payload: it is too short, or no JPEG file of this size.
+    /// The defect of the payload: it is too short, or no JPEG file of this size.
     pub fn unpack(&self, payload: &[u8]) -> Result<Vec<u16>, String> {
         self.check()?;
         if self.is_jpeg() {
-            // A decoder that panics over a frame makes it a bad frame, as any other error of the decoder.
+            // A panic of the decoder is treated as any other decoding error: the frame is bad.
             return catch_unwind(|| self.decode(payload))
                 .unwrap_or_else(|_| Err("a JPEG file that its decoder fails on".into()));
         }
         let row_bytes = self.format.row_bytes(self.width);
         let stride = if self.stride == 0 { row_bytes } else { self.stride };
-        // The gap after the last row may be left out.
+        // The padding after the last row may be missing.
         let needed = stride * (self.height - 1) + row_bytes;
         if payload.len() < needed {
             return Err(format!("{} of {needed} bytes", payload.len()));
@@ -191,7 +191,8 @@ impl Picture {
         if marked[..end].ends_with(&[0xFF, 0xD9]) {
             return self.luma(&marked);
         }
-        // Some leave out the marker at the end. A file that is cut short depends on the bytes behind it, which the decoder takes for data.
+        // Some cameras omit the end marker. A truncated file decodes differently with different trailing bytes, since
+        // the decoder takes them for data.
         let [whole, other] = TAILS.map(|tail| self.luma(&[&marked, tail].concat()));
         let whole = whole?;
         if other.is_ok_and(|other| other == whole) { Ok(whole) } else { Err("a JPEG file without its end".into()) }
@@ -216,10 +217,10 @@ impl Picture {
     }
 }
 
-/// Segment that makes the decoder take the Huffman tables of Motion JPEG (ITU T.81, K.3) where a file has none.
+/// Segment that makes the decoder use the Huffman tables of Motion JPEG (ITU T.81, K.3) if a file has none.
 const MOTION_JPEG: &[u8] = b"\xff\xe0\x00\x10AVI1\0\0\0\0\0\0\0\0\0\0";
 
-/// Ends that are tried for files without one.
+/// Trailing bytes tried for files without an end marker.
 const TAILS: [&[u8]; 2] = [b"\xff\xd9", b"\x3a\xc5\x96\x0f\x71\xe8\x4d\xb2\x1b\x64\xa9\x53\xff\xd9"];
 
 /// `row` has all bytes of `width` pixels.
@@ -237,8 +238,8 @@ fn unpack_row(layout: Layout, row: &[u8], width: usize, codes: &mut Vec<u16>) {
     codes.resize(end, 0);
 }
 
-/// Upper bytes of `pixels` codes, then one byte with `low` further bits of each, the first pixel's lowest.
-/// A group that is cut short at a row's end has its last byte's bits missing: they are zero.
+/// Unpacks a group: the upper bytes of `pixels` codes, then one byte with `low` further bits of each, the first pixel's
+/// lowest. In a group truncated at a row's end the missing low bits are zero.
 fn unpack_group(group: &[u8], pixels: usize, low: usize, codes: &mut Vec<u16>) {
     let rest = group.get(pixels).copied().unwrap_or(0);
     let code = |(i, high): (usize, &u8)| {
@@ -257,7 +258,7 @@ mod tests {
         Picture { format: PixelFormat::named(name).unwrap(), width, height, stride }
     }
 
-    /// As a camera would store them.
+    /// Packs codes as a camera would.
     fn pack(picture: &Picture, codes: &[u16]) -> Vec<u8> {
         let row_bytes = picture.format.row_bytes(picture.width);
         let group = |row: &[u16], pixels: usize, low: usize| -> Vec<u8> {
@@ -291,7 +292,7 @@ mod tests {
             index in 0usize..33, width in 1usize..20, height in 1usize..6, gap in 0usize..9, seed: u64,
         ) {
             let format = FORMATS[index];
-            // Packed groups are whole in real pictures.
+            // Packed groups are complete in real pictures.
             let width = match format.layout { Layout::TenPacked => 4 * width, Layout::TwelvePacked => 2 * width, _ => width };
             let stride = if gap == 0 { 0 } else { format.row_bytes(width) + gap };
             let picture = Picture { format, width, height, stride };

@@ -1,26 +1,26 @@
-//! Numbers of frames that go on when a stream is started again, or the kernel's counter runs over.
+//! Frame numbers that continue across restarts of the stream and overflows of the kernel's counter.
 
 use std::time::Duration;
 
-/// Numbers frames.
+/// Frame counter.
 #[derive(Debug, Default)]
 pub struct Counter {
-    /// The kernel's number of the stream's last frame; None at its start.
+    /// Kernel sequence number of the stream's last frame; `None` at its start.
     kernel: Option<u32>,
     next: u64,
     last_end: Option<Duration>,
 }
 
 impl Counter {
-    /// A new stream begins. Its numbers are higher than all before, also those that another process gave: milliseconds
-    /// go by faster than frames.
+    /// Starts a new stream. Its numbers exceed all previous ones, even those of another process, because they start at
+    /// the time in ms, which grows faster than frame numbers.
     pub fn restart(&mut self, now: Duration) {
         self.kernel = None;
         self.next = self.next.max(u64::try_from(now.as_millis()).unwrap_or(u64::MAX / 2));
     }
 
-    /// Number of a frame, with gaps for those that were dropped; None for one that is not newer than the last.
-    /// Drivers that do not count are counted for.
+    /// Number of a frame, with gaps for dropped frames; `None` if the frame is not newer than the last. Frames of
+    /// drivers without a counter are numbered here.
     pub fn number(&mut self, kernel: u32, end: Duration) -> Option<u64> {
         if self.last_end.is_some_and(|last| end <= last) {
             return None;

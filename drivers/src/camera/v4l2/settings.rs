@@ -1,79 +1,80 @@
-//! What a bench's configuration says about a V4L2 camera.
+//! Configuration of a V4L2 camera in a bench.
 
 use super::pixels::{FORMATS, Layout, PixelFormat};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A camera of the kernel's V4L2: USB cameras, frame grabbers, camera modules.
+/// A V4L2 camera: USB cameras, frame grabbers, camera modules.
 ///
-/// Set exposure, gain and everything else by hand: the driver switches off all that the camera would do by itself.
-/// Choose a raw format where there is one. Cameras that process their pictures are not linear, even in grey.
+/// Set exposure, gain and all other values manually: the driver disables the camera's automatic functions. Choose a raw
+/// format if the camera has one. Cameras that process their pictures are not linear, even in grey.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// The device, by a name that stays: `/dev/v4l/by-id/…` for this camera, `/dev/v4l/by-path/…` for this socket. The
-    /// number in `/dev/video0` may be another one when the camera is plugged in again, or reset because it hangs.
+    /// Device path under a stable name: `/dev/v4l/by-id/…` for this camera, `/dev/v4l/by-path/…` for this socket. The
+    /// number in `/dev/video0` may change when the camera is replugged or reset.
     pub device: String,
-    /// Name of the pixel format, as `v4l2-ctl --list-formats` shows it; without one, the most linear that is offered.
+    /// Name of the pixel format, as shown by `v4l2-ctl --list-formats`; default: the most linear supported format.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub format: Option<String>,
-    /// Pixels per row, and rows; without it, the largest that is offered.
+    /// Width and height in pixels; default: the largest supported size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<[u32; 2]>,
-    /// Frames per second. Most cameras cannot expose for longer than a frame lasts.
+    /// Frames per second. Most cameras limit the exposure to one frame period.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fps: Option<f64>,
-    /// Frames until changed controls act, as `nacre init` measures it.
+    /// Frames until changed controls take effect, as measured by `nacre init`.
     #[serde(default = "control_lag_frames")]
     pub control_lag_frames: u32,
-    /// How often the panel refreshes, in Hz: exposures are best multiples of its period.
+    /// Refresh rate of the display in Hz: exposures should be multiples of its period.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub panel_refresh_hz: Option<f64>,
-    /// Code of no light; without it, 16 where luma has a foot, else 0.
+    /// Code of black; default: 16 for luma with footroom, otherwise 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub black: Option<u16>,
-    /// Code of a saturated pixel; needed where a camera fills a format only in part, as 10 bits in Y16.
+    /// Code of a saturated pixel. Required if a camera does not use the full range of a format, such as 10 bits in Y16.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub white: Option<u16>,
-    /// Time from the end of the first row's exposure to that of the last, and the transfer; without it, the time from frame to frame.
+    /// Time from the end of the first row's exposure to that of the last, plus the transfer, in ms; default: the frame
+    /// interval.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readout_ms: Option<f64>,
-    /// How much later than the end of readout a frame's timestamp may be, in ms: the time that a camera works on a picture before
-    /// sending it. Cameras with a picture processor or MJPEG buffer one or two frames.
+    /// Maximum delay of a frame's timestamp after the end of readout, in ms: the processing time of the camera. Cameras
+    /// with an image processor or MJPEG buffer one or two frames.
     #[serde(default)]
     pub latency_ms: f64,
-    /// The exposure of a camera that has no control for it, in ms.
+    /// Exposure in ms of a camera without exposure control.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure_ms: Option<f64>,
-    /// What the values of the gain control mean.
+    /// Scale of the gain control's values.
     #[serde(default)]
     pub gain: GainScale,
-    /// What the kernel's timestamps mean.
+    /// Meaning of the kernel's timestamps.
     #[serde(default)]
     pub timestamps: Timestamps,
-    /// Frames that the kernel may queue.
+    /// Number of frames that the kernel may queue.
     #[serde(default = "buffers")]
     pub buffers: u32,
 }
 
-/// What the values of the gain control mean. No standard says; 1 is always the lowest gain that the camera has.
+/// Scale of the gain control's values, which no standard defines. Gain 1 is always the camera's lowest gain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GainScale {
-    /// Not known: the camera stays at its lowest gain.
+    /// Unknown scale: the camera stays at its lowest gain.
     #[default]
     Lowest,
-    /// Gain is proportional to the value, where this is the value of gain 1.
+    /// Gain is proportional to the value; this is the value of gain 1.
     Unity(f64),
-    /// Each step is this many dB above the lowest value.
+    /// Each step above the lowest value adds this many dB.
     DbPerStep(f64),
 }
 
-/// What the kernel's timestamps mean.
+/// Meaning of the kernel's timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Timestamps {
-    /// What the driver says; without a word, the end of readout.
+    /// As flagged by the driver; without a flag, the end of readout.
     #[default]
     Auto,
     /// The start of exposure.
@@ -91,7 +92,7 @@ fn buffers() -> u32 {
 }
 
 impl GainScale {
-    /// Linear gain of a control's value; `low` is the control's lowest.
+    /// Linear gain of a control value; `low` is the control's lowest value.
     pub fn linear(self, value: i64, low: i64) -> f64 {
         match self {
             Self::Lowest => 1.0,
@@ -100,7 +101,7 @@ impl GainScale {
         }
     }
 
-    /// The control's value, not rounded, for a linear gain.
+    /// Control value of a linear gain, not rounded.
     pub fn value(self, gain: f64, low: i64) -> f64 {
         match self {
             Self::Lowest => low as f64,
@@ -111,7 +112,7 @@ impl GainScale {
 }
 
 impl Settings {
-    /// A camera with everything else as by default.
+    /// Default settings for a device.
     pub fn new(device: &str) -> Self {
         Self {
             device: device.to_owned(),
@@ -131,10 +132,10 @@ impl Settings {
         }
     }
 
-    /// Says what is wrong with them.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// The key and what it must be.
+    /// The invalid key and its valid values.
     pub fn check(&self) -> Result<(), String> {
         let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
             Some(v) if !(v >= low && v <= high) => Err(format!("{key} is {v}; give {low} to {high}")),
@@ -166,7 +167,7 @@ impl Settings {
         within("buffers", Some(f64::from(self.buffers)), 2.0, 32.0)
     }
 
-    /// What the user should know about this format.
+    /// Warning about the limits of this format, if there are any.
     pub fn warning(format: PixelFormat) -> Option<String> {
         let name = format.name();
         match format.layout {

@@ -1,4 +1,4 @@
-//! The driver on a camera that does all that cameras do.
+//! Tests of the driver on a fake camera with common defects.
 
 use super::controls::{EXPOSURE, GAIN};
 use super::fake::{BLACK, ENODEV, FakeNode, Fault, LIGHT};
@@ -41,7 +41,7 @@ fn automatic_controls_go_first_and_manual_values_are_read_back() {
     let mut camera = open(&node);
     let info = camera.describe();
     assert_eq!((info.width, info.height, info.black, info.white), (8, 4, 0, 255));
-    // 204.7 ms, but a frame lasts 100 ms.
+    // The control reaches 204.7 ms, but a frame lasts 100 ms.
     assert_eq!(info.exposure_s, [3e-4, 0.1]);
     assert_eq!(node.state().set, [(0x009a_0901, 1), (0x0098_0912, 0), (0x0098_0910, 100)]);
     let controls = run(camera.configure(Duration::from_micros(12_345), 1.0)).unwrap();
@@ -119,10 +119,10 @@ fn timestamps_are_the_end_of_readout() {
     let mut camera = open_with(&node, exposure).unwrap();
     run(camera.configure(10 * MS, 1.0)).unwrap();
     assert_eq!(next(&mut camera).unwrap().stamp.timestamp, node.clock.now());
-    // The stamp is 10 ms early when it is taken for the end: safe.
+    // Interpreted as the end of readout, the stamp is 10 ms early, which is safe.
     let mut camera = open_with(&node, Settings { timestamps: Timestamps::EndOfReadout, ..settings() }).unwrap();
     assert_eq!(next(&mut camera).unwrap().stamp.timestamp, node.clock.now() - 10 * MS);
-    // It is never in the future.
+    // The end of readout is never in the future.
     let mut camera = open_with(&node, Settings { readout_ms: Some(500.0), ..settings() }).unwrap();
     assert_eq!(next(&mut camera).unwrap().stamp.timestamp, node.clock.now());
 }

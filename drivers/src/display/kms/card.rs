@@ -1,4 +1,4 @@
-//! An output of the kernel's graphics (DRM), with two pictures of which one is seen.
+//! A kernel graphics output (DRM) with double buffering.
 
 use super::{Geometry, ROWS_APART, Screen, Settings, failure, setup};
 use crate::display::edid;
@@ -14,7 +14,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// A picture that is not shown after this long never is.
+/// Time limit of a page flip: a later one never happens.
 const FLIP_LIMIT: Timespec = Timespec { tv_sec: 2, tv_nsec: 0 };
 
 /// A graphics card.
@@ -28,30 +28,30 @@ impl AsFd for Card {
 impl Device for Card {}
 impl ControlDevice for Card {}
 
-/// A picture in the card's memory.
+/// A frame buffer in the card's memory.
 struct Picture {
     memory: DumbBuffer,
     handle: framebuffer::Handle,
 }
 
-/// An output.
+/// A graphics output.
 pub struct Output {
     card: Card,
     crtc: crtc::Handle,
     connector: connector::Handle,
     mode: Mode,
     pictures: [Picture; 2],
-    /// Which picture is seen; None before the first.
+    /// Index of the visible buffer; `None` before the first picture.
     seen: Option<usize>,
     geometry: Geometry,
 }
 
-/// Opens the output with its panel's own resolution; returns the panel's identity too.
+/// Opens the output at its native resolution; also returns the display's identity.
 pub(super) fn open(settings: &Settings) -> DeviceResult<(Output, String)> {
     let name = &settings.output;
     let (path, card, connector) = find(settings)?;
     let failed = |e: io::Error| failure(name, "open", &e);
-    // The first to open a card is its master; where a desktop is, this fails.
+    // The first process to open a card becomes its master; under a desktop this fails.
     card.acquire_master_lock().map_err(failed)?;
     let mode = own_mode(&connector)
         .ok_or_else(|| setup(name, "a panel with a resolution", "none").remedy("plug the panel in and switch it on"))?;
@@ -119,7 +119,7 @@ fn own_mode(connector: &connector::Info) -> Option<Mode> {
     modes.iter().find(|m| m.mode_type().contains(ModeTypeFlags::PREFERRED)).or(modes.first()).copied()
 }
 
-/// A source of pictures that can be put on the connector: the one that it has, or one that nothing has.
+/// A CRTC for the connector: its current one, or an unused one.
 fn free_crtc(card: &Card, connector: &connector::Info) -> io::Result<crtc::Handle> {
     let resources = card.resource_handles()?;
     let encoder = |handle| card.get_encoder(handle);
@@ -146,7 +146,7 @@ fn picture(card: &Card, size: (u32, u32)) -> io::Result<Picture> {
 }
 
 impl Output {
-    /// Waits until the picture that was handed over is the one that is seen.
+    /// Waits until the page flip is complete.
     fn flipped(&self) -> io::Result<()> {
         loop {
             let mut fds = [PollFd::new(&self.card, PollFlags::IN)];
@@ -186,7 +186,7 @@ impl Screen for Output {
         match self.seen {
             None => self.card.set_crtc(self.crtc, Some(handle), (0, 0), &[self.connector], Some(self.mode))?,
             Some(_) => {
-                // Once it is not known which picture is seen, the next one sets the mode anew.
+                // If the flip fails, the visible buffer is unknown and the next picture sets the mode again.
                 let before = self.seen.take();
                 self.card
                     .page_flip(self.crtc, handle, PageFlipFlags::EVENT, None)
@@ -205,7 +205,7 @@ impl Screen for Output {
         let pitch = picture.memory.pitch() as usize;
         let mapping = self.card.map_dumb_buffer(&mut picture.memory)?;
         let rows = mapping.chunks(pitch).take(height).step_by(ROWS_APART);
-        // The fourth byte of a pixel says nothing.
+        // The fourth byte of a pixel is unused.
         let pixel = |bytes: &[u8; 4]| u32::from_le_bytes(*bytes) & 0xFF_FFFF;
         Ok(rows.flat_map(|row| row.as_chunks::<4>().0.iter().take(width).map(pixel)).collect())
     }
@@ -213,7 +213,7 @@ impl Screen for Output {
 
 impl Drop for Output {
     fn drop(&mut self) {
-        // The kernel takes back the rest when the card is closed.
+        // The kernel frees the remaining resources when the card is closed.
         let _ = self.card.set_crtc(self.crtc, None, (0, 0), &[], None);
         for picture in &self.pictures {
             let _ = self.card.destroy_framebuffer(picture.handle);

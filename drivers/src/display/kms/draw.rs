@@ -1,27 +1,27 @@
-//! A pattern as pixels.
+//! Rendering of a pattern to pixels.
 
 use super::tone::Tone;
 use crate::Pattern;
 
-/// Parts of a side of a pixel at the disc's edge.
+/// Subpixels per pixel side at the disc's edge.
 const PARTS: usize = 16;
-/// Longest side of a panel in pixels.
+/// Maximum side of a display in pixels.
 pub const MAX_SIDE: usize = 16_384;
 
-/// A panel's pixels and size.
+/// Resolution and size of a display.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// Pixels per row, and rows.
+    /// Width and height in pixels.
     pub pixels: [usize; 2],
     /// Width and height in mm.
     pub size_mm: [f64; 2],
 }
 
 impl Geometry {
-    /// Says what is wrong with it.
+    /// Checks the geometry.
     ///
     /// # Errors
-    /// The size, where a panel cannot have it.
+    /// The size, if no display can have it.
     pub fn check(&self) -> Result<(), String> {
         let pixels = self.pixels.iter().all(|p| (1..=MAX_SIDE).contains(p));
         let size = self.size_mm.iter().all(|mm| (1.0..=1e5).contains(mm));
@@ -30,18 +30,18 @@ impl Geometry {
     }
 }
 
-/// Draws a pattern, white on black, one value 0xRRGGBB per pixel, row 0 on top. The disc's edge is as bright as the part
-/// of each pixel that lies within it.
+/// Draws a pattern, white on black, one value 0xRRGGBB per pixel, row 0 at the top. At the disc's edge the luminance is
+/// the covered fraction of the pixel.
 ///
 /// # Errors
-/// Why it cannot be drawn: it is not on the panel.
+/// The reason why it cannot be drawn: it lies off the display.
 pub fn draw(pattern: &Pattern, panel: &Geometry, tone: &Tone) -> Result<Vec<u32>, String> {
     panel.check()?;
     let [width, height] = panel.pixels;
     let mut pixels = vec![0; width * height];
     let (center_mm, diameter_mm) = match *pattern {
         Pattern::Black => return Ok(pixels),
-        // The panel's own tone curve is known here, so the assumed exponent is not needed.
+        // The display's tone curve is known here, so the assumed exponent is unused.
         Pattern::Fringes { cycles_per_mm, phase, .. } => {
             fringes(&mut pixels, cycles_per_mm, phase, panel, tone)?;
             return Ok(pixels);
@@ -57,7 +57,7 @@ pub fn draw(pattern: &Pattern, panel: &Geometry, tone: &Tone) -> Result<Vec<u32>
     }
     let codes = tone.codes(PARTS * PARTS);
     let pitch = [panel.size_mm[0] / width as f64, panel.size_mm[1] / height as f64];
-    // From the panel's upper left corner, to the right and down.
+    // From the display's upper left corner, to the right and down.
     let center = [0.5 * panel.size_mm[0] + center_mm[0], 0.5 * panel.size_mm[1] - center_mm[1]];
     let disc = Disc { center, radius: 0.5 * diameter_mm, pitch };
     let [columns, rows] = [0, 1].map(|axis| disc.span(axis, panel.pixels[axis]));
@@ -70,19 +70,19 @@ pub fn draw(pattern: &Pattern, panel: &Geometry, tone: &Tone) -> Result<Vec<u32>
     Ok(pixels)
 }
 
-/// Fills the panel with stripes.
+/// Fills the display with fringes.
 fn fringes(pixels: &mut [u32], f: [f64; 2], phase: f64, panel: &Geometry, tone: &Tone) -> Result<(), String> {
     const LEVELS: usize = 4096;
     let [width, height] = panel.pixels;
     let pitch = [panel.size_mm[0] / width as f64, panel.size_mm[1] / height as f64];
-    // Two pixels of a period are no stripe any more.
+    // At least four pixels per period are needed; a period of two pixels shows no fringe.
     let fine = phase.is_finite() && (0..2).all(|axis| f[axis].abs() * pitch[axis] <= 0.25);
     if !fine {
         let [x, y] = f;
         return Err(format!("fringes of ({x}, {y}) cycles per mm at phase {phase} on pixels of {:.3} mm", pitch[0]));
     }
     if f == [0.0; 2] {
-        // Even: to the code, which a calibration counts on.
+        // A uniform display must show exactly one code, because a calibration relies on it.
         let code = tone.nearest([Pattern::fringe(f, phase, [0.0; 2])]).first().copied().map_or(0, u32::from);
         pixels.fill(code << 16 | code << 8 | code);
         return Ok(());
@@ -108,7 +108,7 @@ struct Disc {
 }
 
 impl Disc {
-    /// Pixels that it may touch along an axis.
+    /// Range of pixels that the disc may touch along an axis.
     fn span(&self, axis: usize, count: usize) -> std::ops::Range<usize> {
         let at = |mm: f64| mm / self.pitch[axis];
         let low = at(self.center[axis] - self.radius).floor().max(0.0) as usize;
@@ -116,7 +116,7 @@ impl Disc {
         low.min(count)..high.min(count)
     }
 
-    /// Of [`PARTS`]² parts of a pixel, those within.
+    /// Number of subpixels within the disc, out of [`PARTS`]².
     fn parts_within(&self, column: usize, row: usize) -> usize {
         let distance = |x: f64, y: f64| {
             let [dx, dy] = [x * self.pitch[0] - self.center[0], y * self.pitch[1] - self.center[1]];
@@ -124,7 +124,7 @@ impl Disc {
         };
         let [x, y] = [column as f64, row as f64];
         let inwards = self.radius - distance(x + 0.5, y + 0.5);
-        // Only pixels at the edge need a closer look.
+        // Only pixels near the edge need subsampling.
         if inwards.abs() >= 0.5 * self.pitch[0].hypot(self.pitch[1]) {
             return if inwards > 0.0 { PARTS * PARTS } else { 0 };
         }
@@ -145,7 +145,7 @@ mod tests {
         Pattern::Disc { center_mm: [x, y], diameter_mm }
     }
 
-    /// Area in mm² and middle in mm from the panel's middle, right and up, of what is bright.
+    /// Area in mm² and centroid in mm of the bright pixels, measured from the display's centre, right and up.
     fn seen(pixels: &[u32], panel: &Geometry, tone: &Tone) -> (f64, [f64; 2]) {
         let [w, h] = panel.pixels;
         let pitch = [panel.size_mm[0] / w as f64, panel.size_mm[1] / h as f64];
@@ -180,7 +180,7 @@ mod tests {
         assert_eq!(pixels[200 * 640 + 320], 0xFF_FFFF);
     }
 
-    /// Demodulated as a camera would, stripes have their frequency, direction and phase.
+    /// Demodulated as a camera would, the fringes have their frequency, direction and phase.
     #[test]
     fn fringes_have_their_phase_everywhere() {
         let tone = Tone::Gamma(2.2);

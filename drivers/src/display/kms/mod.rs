@@ -1,7 +1,7 @@
-//! A panel on an output of this machine that no desktop uses: Nacre sets its picture itself (kernel mode setting).
+//! A display on an output that no desktop uses, driven directly (kernel mode setting).
 //!
-//! No window, blanking or night light can come between. Nacre must be the only one that draws on the graphics card
-//! (DRM master): no desktop may run on it. Beside a desktop, use the browser page on a full screen instead.
+//! This excludes interference by windows, screen blanking and night-light programs. Nacre must be DRM master of the
+//! graphics card, so no desktop may run on it. With a desktop, use the browser page in full screen instead.
 
 mod card;
 mod draw;
@@ -18,31 +18,31 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Every so many rows are read back.
+/// Spacing of the rows that are read back.
 pub const ROWS_APART: usize = 8;
 
-/// A panel on an output that no desktop uses.
+/// A display on an output that no desktop uses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// The output's name, such as `HDMI-A-1`: those in /sys/class/drm, without the card.
+    /// Output name, such as `HDMI-A-1`: as in /sys/class/drm, without the card.
     pub output: String,
-    /// The graphics card, such as `/dev/dri/card0`; without it, the one that has the output.
+    /// Graphics card, such as `/dev/dri/card0`; default: the card that has the output.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub card: Option<String>,
-    /// Width and height of the picture in mm, where the panel tells them wrong or not at all.
+    /// Width and height of the picture in mm, if the EDID is wrong or lacks them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size_mm: Option<[f64; 2]>,
-    /// Which code gives which luminance.
+    /// Tone curve: luminance of each code.
     #[serde(default)]
     pub tone: Tone,
 }
 
 impl Settings {
-    /// Says what is wrong with them.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// The key and what it must be.
+    /// The invalid key and its valid values.
     pub fn check(&self) -> Result<(), String> {
         let named = (1..64).contains(&self.output.len());
         if !named || !self.output.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-') {
@@ -55,19 +55,19 @@ impl Settings {
     }
 }
 
-/// What the driver needs of an output: the seam between it and the kernel.
+/// Interface between the driver and the kernel's graphics output.
 pub trait Screen: Send {
-    /// Its pixels and size.
+    /// Resolution and size.
     fn geometry(&self) -> Geometry;
-    /// Time from one picture to the next.
+    /// Frame period.
     fn refresh(&self) -> Duration;
-    /// Draws where it cannot be seen, then shows that from the next vertical blank on; returns after it.
+    /// Draws into the hidden buffer and flips at the next vertical blank; returns after the flip.
     fn flip(&mut self, pixels: &[u32]) -> io::Result<()>;
-    /// Every [`ROWS_APART`]th row of what the output shows, as the kernel says which picture that is.
+    /// Reads back every [`ROWS_APART`]th row of the buffer that the kernel reports as visible.
     fn shown(&mut self) -> io::Result<Vec<u32>>;
 }
 
-/// A panel that is drawn on without a desktop.
+/// A display driven without a desktop.
 pub struct KmsPanel {
     screen: Box<dyn Screen>,
     clock: Arc<dyn Clock>,
@@ -76,10 +76,10 @@ pub struct KmsPanel {
     response: Duration,
 }
 
-/// Opens the panel on an output and makes it black.
+/// Opens the display on an output and makes it black.
 ///
 /// # Errors
-/// `Setup` when there is none, when it is unknown how large it is, and when a desktop uses the graphics card.
+/// `Setup` if there is no display, if its size is unknown, or if a desktop uses the graphics card.
 pub fn open(settings: &Settings, response: Duration, clock: &Arc<dyn Clock>) -> DeviceResult<KmsPanel> {
     settings.check().map_err(|wrong| setup(&settings.output, "settings of a panel", wrong))?;
     let (screen, id) = card::open(settings)?;
@@ -91,10 +91,10 @@ fn setup(device: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError 
 }
 
 impl KmsPanel {
-    /// A panel on a screen, which becomes black. `response` is how long its pixels take.
+    /// A display on a screen, which becomes black. `response` is the settling time of its pixels.
     ///
     /// # Errors
-    /// As the screen answers.
+    /// As the screen.
     pub fn new(
         screen: Box<dyn Screen>,
         id: &str,
@@ -128,7 +128,7 @@ impl KmsPanel {
                 .remedy(remedy)
                 .class(Class::Retry));
         }
-        // A picture is sent from top to bottom until the next one begins.
+        // The output scans a picture from top to bottom over one frame period.
         self.clock.wait(self.screen.refresh() + self.response);
         Ok(Shown { since: self.clock.now(), pattern })
     }
@@ -136,7 +136,7 @@ impl KmsPanel {
 
 impl Drop for KmsPanel {
     fn drop(&mut self) {
-        // The output goes off after it, which some panels answer with a message of their own.
+        // The output is then switched off, and some displays show a message of their own.
         let [w, h] = self.screen.geometry().pixels;
         let _ = self.screen.flip(&vec![0; w * h]);
     }
@@ -153,7 +153,7 @@ impl Display for KmsPanel {
     }
 }
 
-/// An error of the kernel, with what it means.
+/// Device error for a kernel error, with its meaning.
 fn failure(id: &str, command: &str, e: &io::Error) -> DeviceError {
     let error = DeviceError::new(id, command, "the graphics card to do it", e.to_string());
     match e.kind() {

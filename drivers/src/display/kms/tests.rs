@@ -1,4 +1,4 @@
-//! The panel on a screen that does what it is told, or not.
+//! Tests of the display on a fake screen, with and without failures.
 
 use super::*;
 use std::sync::Mutex;
@@ -6,7 +6,7 @@ use std::sync::Mutex;
 #[derive(Default)]
 struct State {
     pictures: Vec<Vec<u32>>,
-    /// Somebody else draws.
+    /// Another program draws on the screen.
     meddle: bool,
     fail: Option<io::ErrorKind>,
 }

@@ -1,15 +1,15 @@
-//! A panel's tone curve: which code gives which luminance.
+//! Tone curve of a display: luminance of each code.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A panel's tone curve.
+/// Tone curve of a display.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Tone {
     /// Luminance is the code to this power.
     Gamma(f64),
-    /// Luminances as measured at codes that are evenly spaced from black to white, in any unit, rising.
+    /// Luminances measured at equidistant codes from black to white, in any unit, strictly increasing.
     Measured(Vec<f64>),
 }
 
@@ -20,10 +20,10 @@ impl Default for Tone {
 }
 
 impl Tone {
-    /// Says what is wrong with it.
+    /// Checks the curve.
     ///
     /// # Errors
-    /// What it must be.
+    /// The valid values.
     pub fn check(&self) -> Result<(), String> {
         match self {
             Self::Gamma(gamma) if (0.2..=5.0).contains(gamma) => Ok(()),
@@ -36,7 +36,7 @@ impl Tone {
         }
     }
 
-    /// Luminance of a code, where black is 0 and white is 1.
+    /// Luminance of a code: 0 for black, 1 for white.
     pub fn luminance(&self, code: u8) -> f64 {
         let part = f64::from(code) / 255.0;
         match self {
@@ -52,12 +52,12 @@ impl Tone {
         }
     }
 
-    /// The code whose luminance is nearest to each of `steps` + 1 even luminances from black to white.
+    /// Codes closest to `steps` + 1 equidistant luminances from black to white.
     pub fn codes(&self, steps: usize) -> Vec<u8> {
         self.nearest((0..=steps).map(|i| i as f64 / steps.max(1) as f64))
     }
 
-    /// The codes whose luminances are nearest to these, from 0 to 1.
+    /// Codes closest to these luminances in [0, 1].
     pub fn nearest(&self, wanted: impl IntoIterator<Item = f64>) -> Vec<u8> {
         let luminances: Vec<f64> = (0..=255).map(|code| self.luminance(code)).collect();
         let nearest = |wanted: f64| {

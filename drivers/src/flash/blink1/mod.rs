@@ -1,8 +1,9 @@
-//! A blink(1) lamp (mk2 or newer: older ones cannot tell their colour).
+//! The blink(1) lamp, mk2 or newer: older ones cannot report their colour.
 //!
-//! Its watch turns the light off by itself: it is set each time the light is switched on, to a little more than the
-//! longest time that the light may be on, and ended when it is switched off. Old firmware plays its stored pattern when the
-//! watch ends, so the pattern is made black when the lamp is opened; it forgets that when it is unplugged.
+//! A watchdog in the lamp switches the light off. It is set each time the light is switched on, to slightly more than
+//! the maximum on-time, and cancelled when the light is switched off. Old firmware plays its stored pattern when the
+//! watchdog expires, so the pattern is overwritten with black when the lamp is opened. The lamp forgets this when it is
+//! unplugged.
 
 pub mod protocol;
 
@@ -20,17 +21,17 @@ const NUMBERS: (u16, u16) = (0x27b8, 0x01ed);
 const DEVICE: &str = "blink(1)";
 const BLACK: [u8; 3] = [0; 3];
 
-/// The watch ends this much after the longest time that the light may be on.
+/// Time from the maximum on-time to the expiry of the watchdog.
 const GRACE: Duration = Duration::from_millis(500);
 
 /// A blink(1) and its colour.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// Its serial number; needed where there are several.
+    /// Serial number; required if several are connected.
     #[serde(default)]
     pub serial: Option<String>,
-    /// Its node, such as `/dev/hidraw0`, or `unix:/path` for an emulated one; found by itself when not given.
+    /// Device node, such as `/dev/hidraw0`, or `unix:/path` for an emulated one; default: found automatically.
     #[serde(default)]
     pub path: Option<String>,
     /// Red, green and blue of the light, 0 to 255.
@@ -45,7 +46,7 @@ fn white() -> [u8; 3] {
 /// Opens the lamp and switches it off.
 ///
 /// # Errors
-/// `Setup` when it is not there, may not be opened or is too old.
+/// `Setup` if the lamp is missing, may not be opened or is too old.
 pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> DeviceResult<Box<dyn Flash>> {
     if settings.rgb == BLACK {
         return Err(DeviceError::new(DEVICE, "read its settings", "a colour", "black")
@@ -63,7 +64,7 @@ pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> Devi
     Ok(Box::new(Switchable::new(lamp, timing, clock.clone())?))
 }
 
-/// Path and serial number of the lamp that is meant.
+/// Path and serial number of the configured lamp.
 fn place(settings: &Settings) -> DeviceResult<(String, String)> {
     let root = Root::default();
     if let Some(path) = &settings.path {
@@ -85,7 +86,7 @@ struct Blink1 {
 }
 
 impl Blink1 {
-    /// Checks that it can tell its colour, and makes it forget what it would show by itself.
+    /// Checks that the lamp can report its colour, and erases its stored pattern.
     fn prepare(&mut self) -> DeviceResult<()> {
         let [major, minor] = self.ask(protocol::ask_version(), protocol::version, "its version")?;
         if major < 2 {
@@ -122,7 +123,7 @@ impl Lamp for Blink1 {
             return self.reports.set_feature(&protocol::set(self.rgb));
         }
         let dark = self.reports.set_feature(&protocol::set(BLACK));
-        // A lamp that could not be switched off keeps its watch.
+        // If the lamp could not be switched off, its watchdog stays active.
         dark.and_then(|()| self.reports.set_feature(&protocol::unwatch()))
     }
 

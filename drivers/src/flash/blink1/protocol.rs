@@ -1,15 +1,15 @@
-//! The reports of the blink(1): feature report 1 of 8 bytes, a letter for the command and six arguments.
+//! Reports of the blink(1): feature report 1 of 8 bytes, with a command letter and six arguments.
 
-/// Number of the report.
+/// Report ID.
 pub const REPORT: u8 = 1;
 
-/// Length of the report, its number included.
+/// Length of the report, including its ID.
 pub const LENGTH: usize = 8;
 
-/// Lines of the pattern that it plays by itself.
+/// Number of lines of the stored pattern.
 pub const PATTERN_LINES: u8 = 16;
 
-/// A report to be sent.
+/// A feature report.
 pub type Report = [u8; LENGTH];
 
 fn report(command: u8, arguments: [u8; 6]) -> Report {
@@ -17,28 +17,28 @@ fn report(command: u8, arguments: [u8; 6]) -> Report {
     [REPORT, command, a, b, c, d, e, f]
 }
 
-/// Shows a colour at once.
+/// Shows a colour immediately.
 pub fn set([r, g, b]: [u8; 3]) -> Report {
     report(b'n', [r, g, b, 0, 0, 0])
 }
 
-/// Asks for the colour, which the next report that is got tells.
+/// Requests the colour; the next report read contains it.
 pub fn ask_colour() -> Report {
     report(b'r', [0; 6])
 }
 
-/// Asks for the version, which the next report that is got tells.
+/// Requests the version; the next report read contains it.
 pub fn ask_version() -> Report {
     report(b'v', [0; 6])
 }
 
-/// Turns the light off by itself when nothing is heard for so long.
+/// Starts the watchdog: the light goes off after this time without a command.
 pub fn watch(time_ms: u64) -> Report {
     let [high, low] = ticks(time_ms);
     report(b'D', [1, high, low, 0, 0, 0])
 }
 
-/// Ends the watch.
+/// Cancels the watchdog.
 pub fn unwatch() -> Report {
     report(b'D', [0; 6])
 }
@@ -48,17 +48,17 @@ pub fn stop_playing() -> Report {
     report(b'p', [0; 6])
 }
 
-/// Makes a line of the pattern black. Old firmware plays the pattern when its watch ends.
+/// Overwrites a line of the pattern with black. Old firmware plays the pattern when its watchdog expires.
 pub fn black_line(line: u8) -> Report {
     report(b'P', [0, 0, 0, 0, 1, line])
 }
 
-/// Time in steps of 10 ms, at least one; longer times than it can count are the longest.
+/// Time in steps of 10 ms, at least one, clamped to the maximum.
 fn ticks(time_ms: u64) -> [u8; 2] {
     u16::try_from(time_ms.div_ceil(10).max(1)).unwrap_or(u16::MAX).to_be_bytes()
 }
 
-/// The colour that an answer to [`ask_colour`] tells; None when it is none.
+/// Colour in an answer to [`ask_colour`]; `None` for other reports.
 pub fn colour(report: &[u8]) -> Option<[u8; 3]> {
     match *report {
         [REPORT, b'r', r, g, b, _, _, _, ..] => Some([r, g, b]),
@@ -66,7 +66,7 @@ pub fn colour(report: &[u8]) -> Option<[u8; 3]> {
     }
 }
 
-/// Main and minor version that an answer to [`ask_version`] tells; None when it is none.
+/// Major and minor version in an answer to [`ask_version`]; `None` for other reports.
 pub fn version(report: &[u8]) -> Option<[u8; 2]> {
     match *report {
         [REPORT, b'v', _, major @ b'0'..=b'9', minor @ b'0'..=b'9', _, _, _, ..] => Some([major - b'0', minor - b'0']),

@@ -1,4 +1,4 @@
-//! Bulk transfers: over libusb, or over a socket where an emulated device answers (see [`seam`](crate::seam)).
+//! Bulk transfers, over libusb or over the socket of an emulated device (see [`seam`](crate::seam)).
 
 use super::{DEVICE, NAME, PRODUCT, VENDOR};
 use crate::discovery::{Access, Root, Usb, check, usb_devices};
@@ -10,22 +10,22 @@ use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-/// A transfer that takes longer has failed.
+/// Time limit of a transfer.
 const SILENCE: Duration = Duration::from_millis(500);
 
 const INTERFACE: u8 = 0;
 const OUT: u8 = 0x01;
 const IN: u8 = 0x81;
 
-/// A device with a pipe in each direction.
+/// A device with one bulk endpoint per direction.
 pub trait Bulk: Send {
     /// Sends bytes.
     ///
     /// # Errors
-    /// `Lost` when the device is gone or silent, `Retry` when it refuses.
+    /// `Lost` if the device is gone or silent, `Retry` if it refuses.
     fn send(&mut self, bytes: &[u8]) -> DeviceResult<()>;
 
-    /// Receives bytes of one transfer; returns how many.
+    /// Receives the bytes of one transfer; returns their number.
     ///
     /// # Errors
     /// As [`Bulk::send`].
@@ -43,11 +43,11 @@ pub(super) fn socket(path: &str) -> DeviceResult<Box<dyn Bulk>> {
     opened.map(|seam| Box::new(Socket(seam)) as _).map_err(|e| wrong(e.to_string()).remedy(remedy))
 }
 
-/// Opens the device on USB; returns its identity as well.
+/// Opens the USB device; also returns its identity.
 pub(super) fn usb(root: &Root, serial: Option<&str>) -> DeviceResult<(Box<dyn Bulk>, String)> {
     let mut found = usb_devices(root);
     found.retain(|usb| (usb.vendor, usb.product) == (VENDOR, PRODUCT));
-    // The numbers are for experiments, and so anybody's; the name is not.
+    // The IDs are free for experiments, so only the name identifies the device.
     found.retain(|usb| usb.name.as_deref() == Some(NAME));
     found.retain(|usb| serial.is_none() || usb.serial.as_deref() == serial);
     let named = |usb: &Usb| format!("serial = \"{}\"", usb.serial.as_deref().unwrap_or("none"));
@@ -65,14 +65,14 @@ pub(super) fn usb(root: &Root, serial: Option<&str>) -> DeviceResult<(Box<dyn Bu
     Ok((Box::new(Libusb(handle)), usb.identity()))
 }
 
-/// Where libusb does not work at all, no device is there either.
+/// If libusb does not work at all, no device is found either.
 fn open(usb: &Usb) -> rusb::Result<rusb::DeviceHandle<rusb::Context>> {
     let context = rusb::Context::new().map_err(|_| rusb::Error::NoDevice)?;
     let devices = context.devices()?;
     let is_it = |d: &rusb::Device<_>| (u16::from(d.bus_number()), u16::from(d.address())) == (usb.bus, usb.address);
     let device = devices.iter().find(is_it).ok_or(rusb::Error::NoDevice)?;
     let handle = device.open()?;
-    // Not all systems can; claiming tells.
+    // Not all systems support this; a failure shows when claiming the interface.
     let _ = handle.set_auto_detach_kernel_driver(true);
     handle.claim_interface(INTERFACE)?;
     Ok(handle)

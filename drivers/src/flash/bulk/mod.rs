@@ -1,7 +1,7 @@
-//! A flash with bulk transfers: the template for own electronics. [`protocol`] is all that a firmware has to know, with
-//! interface 0, endpoint 1 out and endpoint 1 in.
+//! A flash with bulk transfers: the template for custom electronics. Firmware needs only [`protocol`], with interface
+//! 0, endpoint 1 out and endpoint 1 in.
 //!
-//! The device switches off by itself some time after the last ON, so the light cannot stay on when the computer dies.
+//! The device switches off autonomously some time after the last ON, so the light cannot stay on if the computer fails.
 
 mod link;
 pub mod protocol;
@@ -17,29 +17,29 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Vendor number: that of pid.codes, whose product 1 is for experiments.
+/// Vendor ID of pid.codes, whose product 1 is for experiments.
 pub const VENDOR: u16 = 0x1209;
-/// Product number.
+/// Product ID.
 pub const PRODUCT: u16 = 0x0001;
-/// What it says that it is.
+/// Product string.
 pub const NAME: &str = "Nacre flash";
 
 const DEVICE: &str = "flash";
 
-/// It switches off by itself this much after the longest time that the light may be on.
+/// Time from the maximum on-time to the device's own switch-off.
 const GRACE: Duration = Duration::from_millis(500);
 
-/// Answers to earlier requests that may still be on their way.
+/// Maximum number of pending answers to earlier requests.
 const MAX_LATE: usize = 8;
 
 /// A flash with bulk transfers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// Its serial number; needed where there are several.
+    /// Serial number; required if several are connected.
     #[serde(default)]
     pub serial: Option<String>,
-    /// `unix:/path` for an emulated one; one on USB needs none.
+    /// `unix:/path` for an emulated device; not needed on USB.
     #[serde(default)]
     pub path: Option<String>,
 }
@@ -47,7 +47,7 @@ pub struct Settings {
 /// Opens the flash and switches it off.
 ///
 /// # Errors
-/// `Setup` when it is not there or may not be opened.
+/// `Setup` if the flash is missing or may not be opened.
 pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> DeviceResult<Box<dyn Flash>> {
     let (bulk, id) = match &settings.path {
         Some(path) => (link::socket(path)?, format!("flash at {path}")),
@@ -65,7 +65,7 @@ struct BulkLamp {
     bulk: Box<dyn Bulk>,
     id: String,
     sequence: u8,
-    /// Steps of 10 ms after which it switches off by itself.
+    /// Maximum on-time in steps of 10 ms, enforced by the device.
     longest: u16,
 }
 

@@ -1,16 +1,24 @@
 //! Frames of 8 bytes in both directions.
 //!
-//! | byte | request | answer |
-//! |---|---|---|
-//! | 0 | `0x4e` | `0x6e` |
-//! | 1 | sequence number | that of the request |
-//! | 2 | command: 1 STATE, 2 ON, 3 OFF | that of the request |
-//! | 3-4 | ON: after so many steps of 10 ms without another ON the device switches off by itself; else 0 | byte 3: 0 done, 1 unknown command, 2 refused (too hot, lid open), 3 busy; byte 4: 1 while the light is on, else 0 |
-//! | 5-6 | 0 | steps of 10 ms until it switches off by itself; 0 when it is off |
-//! | 7 | CRC-8 of bytes 0 to 6 | the same |
+//! Request:
+//! - byte 0: `0x4e`
+//! - byte 1: sequence number
+//! - byte 2: command: 1 STATE, 2 ON, 3 OFF
+//! - bytes 3-4: for ON, the time limit in steps of 10 ms, after which the device switches off unless it receives
+//!   another ON; otherwise 0
+//! - bytes 5-6: 0
+//! - byte 7: CRC-8 of bytes 0 to 6
 //!
-//! Numbers have their low byte first. The CRC has the polynomial x⁸+x²+x+1, starts at 0 and is not reflected. The state in
-//! an answer is measured at the lamp (its current), not what was commanded.
+//! Answer:
+//! - byte 0: `0x6e`
+//! - bytes 1 and 2: those of the request
+//! - byte 3: 0 done, 1 unknown command, 2 refused (too hot, lid open), 3 busy
+//! - byte 4: 1 while the light is on, otherwise 0
+//! - bytes 5-6: remaining time limit in steps of 10 ms; 0 if the light is off
+//! - byte 7: CRC-8 of bytes 0 to 6
+//!
+//! Numbers are little endian. The CRC has the polynomial x⁸+x²+x+1, starts at 0 and is not reflected. The state in an
+//! answer is measured at the lamp (its current), not copied from the command.
 
 /// Length of a frame.
 pub const LENGTH: usize = 8;
@@ -18,47 +26,47 @@ pub const LENGTH: usize = 8;
 const REQUEST: u8 = 0x4e;
 const ANSWER: u8 = 0x6e;
 
-/// What the device can be asked for.
+/// Commands of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// Report the state.
     State,
-    /// Switch on, for so many steps of 10 ms at most.
+    /// Switch on, with a time limit in steps of 10 ms.
     On(u16),
     /// Switch off.
     Off,
 }
 
-/// What an answer says.
+/// Content of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answer {
     /// Sequence number of the request.
     pub sequence: u8,
     /// Command of the request.
     pub command: u8,
-    /// How it went.
+    /// Status of the request.
     pub status: Status,
-    /// The light is on.
+    /// Whether the light is on.
     pub on: bool,
-    /// Steps of 10 ms until it switches off by itself.
+    /// Remaining time limit in steps of 10 ms.
     pub left: u16,
 }
 
-/// How a request went.
+/// Status of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// Carried out.
+    /// Executed.
     Done,
-    /// It does not know the command.
+    /// Unknown command.
     Unknown,
-    /// It must not be done now.
+    /// Not permitted at present.
     Refused,
-    /// It is busy.
+    /// The device is busy.
     Busy,
 }
 
 impl Command {
-    /// The command's number.
+    /// Number of the command.
     pub fn number(self) -> u8 {
         match self {
             Self::State => 1,
@@ -68,7 +76,7 @@ impl Command {
     }
 }
 
-/// A request's frame.
+/// Encodes a request.
 pub fn request(sequence: u8, command: Command) -> [u8; LENGTH] {
     let [low, high] = match command {
         Command::On(steps) => steps.to_le_bytes(),
@@ -81,7 +89,7 @@ pub fn request(sequence: u8, command: Command) -> [u8; LENGTH] {
     frame
 }
 
-/// Reads an answer; None when it is none.
+/// Decodes an answer; `None` for an invalid frame.
 pub fn answer(frame: &[u8]) -> Option<Answer> {
     let [ANSWER, sequence, command, status, on @ 0..=1, low, high, sum] = *frame else { return None };
     let status = match status {

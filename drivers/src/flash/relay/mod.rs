@@ -1,7 +1,7 @@
-//! A lamp behind a HID relay (DCTTech and its copies: "USBRelay1" to "USBRelay8").
+//! A lamp behind a HID relay (DCTTech and its clones: "USBRelay1" to "USBRelay8").
 //!
-//! The relay keeps its state whatever becomes of the computer: that it goes off is up to whoever holds it. Only the lamp's
-//! own channel is switched.
+//! The relay keeps its state even if the computer fails, so its owner must switch it off. Only the lamp's channel is
+//! switched.
 
 pub mod protocol;
 
@@ -21,13 +21,13 @@ const DEVICE: &str = "relay";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// Its serial number of five letters; needed where there are several.
+    /// Serial number of five letters; required if several are connected.
     #[serde(default)]
     pub serial: Option<String>,
-    /// Its node, such as `/dev/nacre-relay`, or `unix:/path` for an emulated one; found by itself when not given.
+    /// Device node, such as `/dev/nacre-relay`, or `unix:/path` for an emulated one; default: found automatically.
     #[serde(default)]
     pub path: Option<String>,
-    /// The channel that the lamp is on, from 1.
+    /// Channel of the lamp, from 1.
     #[serde(default = "first")]
     pub channel: u8,
 }
@@ -39,7 +39,7 @@ fn first() -> u8 {
 /// Opens the relay and switches the channel off.
 ///
 /// # Errors
-/// `Setup` when it is not there, may not be opened or has no such channel.
+/// `Setup` if the relay is missing, may not be opened or lacks the channel.
 pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> DeviceResult<Box<dyn Flash>> {
     let relay = match &settings.path {
         Some(path) => Relay::at(path, settings.channel, None)?,
@@ -52,7 +52,7 @@ pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> Devi
     Ok(Box::new(Switchable::new(relay, timing, clock.clone())?))
 }
 
-/// The serial number can only be asked of the relay itself, so each one is.
+/// Only the relay itself reports its serial number, so every relay is opened and queried.
 fn find(settings: &Settings) -> DeviceResult<Relay> {
     let nodes = hid::find(&Root::default(), NUMBERS, NAME);
     let open =
@@ -66,7 +66,7 @@ fn find(settings: &Settings) -> DeviceResult<Relay> {
         }
     }
     match failed {
-        // The one that could not be opened may be the right one.
+        // A relay that could not be opened may be the configured one.
         Some(error) if opened.is_empty() => Err(error),
         _ => hid::only(DEVICE, opened, |relay| format!("serial = \"{}\"", relay.serial)),
     }
@@ -81,12 +81,12 @@ struct Relay {
     reports: Box<dyn Reports>,
     serial: String,
     channel: u8,
-    /// Channels that it does not have, whose bits can never be set.
+    /// Bit mask of missing channels, whose bits must never be set.
     absent: u8,
 }
 
 impl Relay {
-    /// The relay at a path; `channels` if its name tells how many it has.
+    /// The relay at a path; `channels` is given if its name contains the number of channels.
     fn at(path: &str, channel: u8, channels: Option<u8>) -> DeviceResult<Self> {
         let channels = channels.unwrap_or(protocol::MAX_CHANNELS);
         if !(1..=channels).contains(&channel) {

@@ -1,26 +1,26 @@
-//! The reports of the relay.
+//! Reports of the relay.
 
-/// Most channels that a relay of this kind has.
+/// Maximum number of channels of this kind of relay.
 pub const MAX_CHANNELS: u8 = 8;
 
-/// Number of the feature report that tells serial number and state.
+/// ID of the feature report with serial number and state.
 pub const STATUS_REPORT: u8 = 1;
 
 /// Length of the status report.
 pub const STATUS_LENGTH: usize = 8;
 
-/// Serial number of a relay whose memory holds none: all bytes 0 or FF. It works as any other.
+/// Serial number of a relay without one in its memory (all bytes 0 or FF). Such a relay works normally.
 pub const UNREADABLE: &str = "unreadable";
 
 const ON: u8 = 0xff;
 const OFF: u8 = 0xfd;
 
-/// What a relay says of itself.
+/// Content of the status report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Status {
-    /// Its serial number: five letters or digits, or [`UNREADABLE`].
+    /// Serial number: five letters or digits, or [`UNREADABLE`].
     pub serial: String,
-    /// Channels that are on: bit 0 for channel 1.
+    /// Bit mask of the channels that are on: bit 0 for channel 1.
     pub on: u8,
 }
 
@@ -29,7 +29,7 @@ pub fn switch(channel: u8, on: bool) -> [u8; 9] {
     [0, if on { ON } else { OFF }, channel, 0, 0, 0, 0, 0, 0]
 }
 
-/// Reads a status report; None when it is none. The serial number takes the place of the report's number.
+/// Parses a status report; `None` if it is invalid. The serial number replaces the report ID.
 pub fn status(report: &[u8]) -> Option<Status> {
     let [serial @ .., 0, _, on] = <&[u8; STATUS_LENGTH]>::try_from(report).ok()? else { return None };
     let erased = [0, 0xff].iter().any(|erased| serial.iter().all(|b| b == erased));
@@ -48,7 +48,7 @@ impl Status {
     }
 }
 
-/// Channels of a relay by its name, such as `USBRelay2`.
+/// Number of channels from a relay's name, such as `USBRelay2`.
 pub fn channels(name: &str) -> Option<u8> {
     let (_, number) = name.split_once("USBRelay")?;
     number.trim().parse().ok().filter(|n| (1..=MAX_CHANNELS).contains(n))

@@ -1,4 +1,4 @@
-//! What goes wrong with an Elliptec stage, and what to do then.
+//! Errors of an Elliptec stage, and their remedies.
 
 use super::Elliptec;
 use super::protocol::Status;
@@ -11,14 +11,14 @@ impl Elliptec {
         DeviceError::new(self.lines.device(), what, expected, got)
     }
 
-    /// A question or a movement that may work when it is tried again.
+    /// Error of a query or movement that may succeed when repeated.
     pub(super) fn passing(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
         self.error(what, expected, got)
             .remedy("check cable, power and the address of the stage, then try again")
             .class(Class::Retry)
     }
 
-    /// A status that is neither ok nor busy: whatever it was doing, it is not done.
+    /// Error for a status that is neither ok nor busy: the present action has failed.
     pub(super) fn failed(&mut self, what: &str, status: Status) -> DeviceError {
         self.zero = if status == Status::Initialising { Zero::Forgotten } else { Zero::Unchecked };
         let (class, remedy) = match status {

@@ -1,8 +1,8 @@
 //! Rotation stages of Thorlabs' Elliptec series: piezo motors on a serial bus.
 //!
-//! A module that loses its power in the middle comes back with another zero and says nothing about it. So angles are
-//! believed only after homing by this program, and only as long as each movement ended as the protocol has it; after
-//! anything else the next movement homes first. For the same reason the driver repeats questions, but not movements.
+//! A module that loses power restarts with another zero and does not report it. Angles are therefore trusted only after
+//! homing by this program, and only while each movement ends as the protocol specifies. After any other event the next
+//! movement homes first. For the same reason the driver repeats queries, but not movements.
 
 mod errors;
 pub mod protocol;
@@ -21,22 +21,22 @@ use protocol::{Command, Identity, Motor, Reply, Status, degrees, parse, pulses};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Rate of the bus.
+/// Baud rate of the bus.
 const BAUD: u32 = 9600;
 
-/// How long to wait for the end of a movement before asking whether it goes on.
+/// Time to wait for the end of a movement before querying the status.
 const POLL: Duration = Duration::from_millis(100);
 
-/// So many times a module must say that it is idle before the end of its movement counts as missed.
+/// Consecutive idle answers after which the end of a movement counts as missed.
 const MISSED: u32 = 3;
 
-/// After this many times of an answer without a word, nothing late comes any more.
+/// Silence, in multiples of the answer time, after which no late answer is expected.
 const QUIET: u32 = 5;
 
-/// A search of frequencies takes no longer.
+/// Time limit of a frequency search.
 const SEARCHING: Duration = Duration::from_secs(120);
 
-/// Cleaning takes no longer; the manual says minutes.
+/// Time limit of cleaning, which takes minutes according to the manual.
 const CLEANING: Duration = Duration::from_secs(1800);
 
 /// A rotation stage on an Elliptec bus.
@@ -47,11 +47,11 @@ pub struct Elliptec {
     identity: Identity,
     zero: Zero,
     cleaning: bool,
-    /// Answers that did not come in time may still come, and would be taken for those of later questions.
+    /// Late answers may still arrive, and would be mistaken for answers to later queries.
     unsettled: bool,
 }
 
-/// What was heard on the bus.
+/// Message received on the bus.
 enum Heard {
     Reply(Reply),
     Garbage(String),
@@ -59,10 +59,10 @@ enum Heard {
 }
 
 impl Elliptec {
-    /// Opens the port and asks who is there.
+    /// Opens the port and identifies the module.
     ///
     /// # Errors
-    /// `Setup` when the port cannot be opened or something else is there; as the module answers.
+    /// `Setup` if the port cannot be opened or another device answers; otherwise as the module.
     pub fn open(settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
         let name = format!("Elliptec stage {}", char::from(settings.address));
         settings.check().map_err(|e| crate::stage::misconfigured(&name, e))?;
@@ -70,7 +70,7 @@ impl Elliptec {
         Self::on(Box::new(wire), settings, clock)
     }
 
-    /// The same on a cable that is open.
+    /// Identifies the module on an open port.
     ///
     /// # Errors
     /// As [`Elliptec::open`].
@@ -87,7 +87,7 @@ impl Elliptec {
 
     async fn identify(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "identify itself";
-        // It may still be turning for whoever drove it before, and an error of then is told once.
+        // The stage may still be moving on behalf of a previous program; an old error is reported once.
         match self.idle(WHAT, self.longest_move()).await {
             Err(e) if e.class != Class::Lost => self.idle(WHAT, self.longest_move()).await?,
             other => other?,
@@ -111,15 +111,16 @@ impl Elliptec {
         Ok(())
     }
 
-    /// What it says that it is.
+    /// Identity reported by the module.
     pub fn identity(&self) -> &Identity {
         &self.identity
     }
 
-    /// Searches the best frequency of each motor: after the load was changed, or when it gets stuck. It moves.
+    /// Searches for the best frequency of each motor, after a change of the load or when the stage gets stuck. The
+    /// stage moves.
     ///
     /// # Errors
-    /// As the module answers.
+    /// As the module.
     pub async fn search_frequency(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "search its frequencies";
         for motor in [Motor::One, Motor::Two] {
@@ -129,10 +130,10 @@ impl Elliptec {
         Ok(())
     }
 
-    /// Runs the cleaning cycle, which takes minutes and sweeps the whole turn; [`Stage::halt`] ends it.
+    /// Runs the cleaning cycle, which takes minutes and sweeps the full turn; [`Stage::halt`] ends it.
     ///
     /// # Errors
-    /// As the module answers.
+    /// As the module.
     pub async fn clean(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "clean its track";
         self.begin(WHAT, Command::Clean).await?;
@@ -150,7 +151,7 @@ impl Elliptec {
         Duration::from_millis(self.settings.answer_ms)
     }
 
-    /// Waits until nothing late can come any more.
+    /// Waits until no late answer can arrive.
     async fn settle(&mut self, what: &str) -> DeviceResult<()> {
         if self.unsettled {
             self.lines.quiet(what, QUIET * self.answer()).await?;
@@ -159,14 +160,14 @@ impl Elliptec {
         self.lines.clear(what)
     }
 
-    /// Sends what moves; where it stands is not known from here on.
+    /// Sends a movement command; the position is unknown from here on.
     async fn begin(&mut self, what: &str, command: Command) -> DeviceResult<()> {
         self.zero = Zero::Unchecked;
         self.settle(what).await?;
         self.lines.send(what, &command.encode(self.settings.address))
     }
 
-    /// What this module says next; others on the bus do not matter.
+    /// Next message of this module; messages of other modules on the bus are skipped.
     async fn hear(&mut self, what: &str, until: Instant) -> DeviceResult<Heard> {
         loop {
             let Some(line) = self.lines.next(what, until).await? else { return Ok(Heard::Nothing) };
@@ -179,7 +180,7 @@ impl Elliptec {
         }
     }
 
-    /// Asks a question, once again if there is no answer that makes sense.
+    /// Sends a query, repeated once if there is no valid answer.
     async fn ask<T>(&mut self, what: &str, command: Command, pick: fn(Reply) -> Option<T>) -> DeviceResult<T> {
         let mut got = String::new();
         self.settle(what).await?;
@@ -190,7 +191,7 @@ impl Elliptec {
                 match self.hear(what, until).await? {
                     Heard::Nothing => break format!("nothing within {} ms", self.settings.answer_ms),
                     Heard::Garbage(line) => break line,
-                    // Left over from a question that was asked twice.
+                    // Late answer to a repeated query.
                     Heard::Reply(Reply::Status(Status::Ok)) if command != Command::Status => {}
                     Heard::Reply(Reply::Status(status)) if command != Command::Status => {
                         return Err(match status {
@@ -217,7 +218,7 @@ impl Elliptec {
         .await
     }
 
-    /// Where it stands, in degrees.
+    /// Position in degrees.
     async fn place(&mut self, what: &str) -> DeviceResult<f64> {
         let pulses = self.ask(what, Command::Position, |reply| match reply {
             Reply::Position(pulses) => Some(pulses),
@@ -227,7 +228,7 @@ impl Elliptec {
         Ok(degrees(pulses, self.identity.pulses))
     }
 
-    /// Waits until it is not busy.
+    /// Waits until the module is not busy.
     async fn idle(&mut self, what: &str, limit: Duration) -> DeviceResult<()> {
         let until = self.lines.now() + limit;
         loop {
@@ -246,7 +247,7 @@ impl Elliptec {
         Ok(())
     }
 
-    /// Waits for the end of a movement; returns where it stands then.
+    /// Waits for the end of a movement; returns the final position.
     async fn finish(&mut self, what: &str) -> DeviceResult<f64> {
         let until = self.lines.now() + self.longest_move();
         let (mut unanswered, mut idle, mut busy) = (0, 0, false);
@@ -254,7 +255,7 @@ impl Elliptec {
         while self.lines.now() < until {
             let limit = if unanswered > 0 { self.answer() } else { POLL };
             match self.hear(what, self.lines.now() + limit).await? {
-                // Late words of an earlier movement look the same, but it is busy then.
+                // A late answer to an earlier movement looks the same, but the module is then still busy.
                 Heard::Reply(Reply::Position(_)) => match self.status(what).await? {
                     Status::Ok => return self.place(what).await,
                     Status::Busy => (unanswered, idle, busy) = (0, 0, true),
@@ -285,7 +286,7 @@ impl Elliptec {
         })
     }
 
-    /// That it stands where it was left; homes it where that is not known.
+    /// Checks that the stage is at its last known position; homes it if that is unknown.
     async fn be_sure(&mut self, what: &str) -> DeviceResult<()> {
         if !matches!(self.zero, Zero::Known(_)) {
             return self.find_zero(what).await.map(drop);
@@ -332,7 +333,7 @@ impl Stage for Elliptec {
             tolerance_deg: self.settings.tolerance_deg,
             approach_deg: 0.0,
             longest_s: 2.0 * self.settings.move_ms as f64 / 1000.0,
-            // `st` does not end a move to a position.
+            // `st` does not stop a move to a position.
             halts: false,
             by_hand: false,
         }
@@ -353,7 +354,7 @@ impl Stage for Elliptec {
         Ok(self.arrived(at))
     }
 
-    /// Waits for the end of the movement, which nothing can end sooner; cleaning can be ended.
+    /// Waits for the end of the movement, which cannot be stopped; only cleaning can.
     async fn halt(&mut self) -> DeviceResult<()> {
         if std::mem::take(&mut self.cleaning) {
             self.begin("halt", Command::Stop).await?;

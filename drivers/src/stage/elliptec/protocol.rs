@@ -1,6 +1,6 @@
-//! The bytes of Thorlabs' Elliptec modules: an address, two letters, and data in hexadecimal digits.
+//! Messages of Thorlabs' Elliptec modules: an address, two letters, and data in hexadecimal digits.
 //!
-//! Requests have small letters, replies capital ones. Positions are pulses of the encoder, 32 bits in two's complement.
+//! Requests use lower-case letters, replies upper-case ones. Positions are encoder pulses, 32 bits in two's complement.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,24 +26,24 @@ impl From<Address> for char {
     }
 }
 
-/// What a module is asked for.
+/// Commands of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// What it is.
+    /// Report the identity.
     Identity,
-    /// Its status, which is forgotten when it was told.
+    /// Report the status, which clears it.
     Status,
     /// Find the zero; a rotary module turns clockwise.
     Home,
-    /// Move to so many pulses from zero.
+    /// Move to a position in pulses from zero.
     MoveTo(i32),
-    /// How many pulses from zero it stands.
+    /// Report the position in pulses from zero.
     Position,
-    /// Search the best frequency of a motor, 1 or 2.
+    /// Search for the best frequency of motor 1 or 2.
     SearchFrequency(Motor),
     /// Run back and forth to clean the track.
     Clean,
-    /// End cleaning or continuous motion; not a move to a position.
+    /// End cleaning or continuous motion, but not a move to a position.
     Stop,
 }
 
@@ -57,7 +57,7 @@ pub enum Motor {
 }
 
 impl Command {
-    /// Bytes of the request.
+    /// Encodes the request.
     pub fn encode(self, address: Address) -> Vec<u8> {
         let text = match self {
             Self::Identity => "in".to_owned(),
@@ -74,23 +74,23 @@ impl Command {
     }
 }
 
-/// What a module answers.
+/// Replies of a module.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// What it is.
+    /// Identity.
     Identity(Identity),
-    /// How it is.
+    /// Status.
     Status(Status),
-    /// Where it stands, in pulses; after a move: that it is over.
+    /// Position in pulses; after a move it also signals the end.
     Position(i32),
-    /// Something that nobody asked for here.
+    /// A reply to another program's request.
     Other,
 }
 
-/// What a module says that it is.
+/// Identity reported by a module.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
-    /// Number of its type: 14 for the ELL14.
+    /// Type number: 14 for the ELL14.
     pub kind: u8,
     /// Serial number.
     pub serial: String,
@@ -103,12 +103,12 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Its name in the catalogue.
+    /// Catalogue name.
     pub fn name(&self) -> String {
         format!("ELL{}", self.kind)
     }
 
-    /// What it is, if it is no rotation stage.
+    /// Description of a module that is not a rotation stage; `None` for a rotation stage.
     pub fn not_rotary(&self) -> Option<&'static str> {
         match self.kind {
             8 | 14 | 16 | 18 | 21 if self.travel == 360 && self.pulses > 0 => None,
@@ -122,7 +122,7 @@ impl Identity {
     }
 }
 
-/// Status of a module: a number, not bits.
+/// Status of a module: a number, not a bit mask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "named as in the protocol")]
 pub enum Status {
@@ -140,12 +140,12 @@ pub enum Status {
     Motor,
     OutOfTravel,
     OverCurrent,
-    /// A number without a meaning.
+    /// A number without a documented meaning.
     Reserved(u8),
 }
 
 impl Status {
-    /// The status of a number.
+    /// Status of a code.
     pub fn of(code: u8) -> Self {
         match code {
             0 => Self::Ok,
@@ -166,7 +166,7 @@ impl Status {
         }
     }
 
-    /// Its number.
+    /// Code of the status.
     pub fn code(self) -> u8 {
         match self {
             Self::Ok => 0,
@@ -187,7 +187,7 @@ impl Status {
         }
     }
 
-    /// What it means.
+    /// Meaning of the status.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -209,14 +209,14 @@ impl Status {
     }
 }
 
-/// Reads a line, without its end; none if it is not a reply of the protocol.
+/// Parses a line without its terminator; `None` if it is not a valid reply.
 pub fn parse(line: &[u8]) -> Option<(Address, Reply)> {
     let text = std::str::from_utf8(line).ok().filter(|t| t.is_ascii())?;
     let address = Address::try_from(text.chars().next()?).ok()?;
     let reply = match (text.get(1..3)?, text.get(3..)?) {
         ("IN", data) => Reply::Identity(identity(data)?),
         ("GS", data) => Reply::Status(Status::of(u8::try_from(hex(data, 2)?).ok()?)),
-        // Two's complement: the same 32 bits with a sign.
+        // Two's complement: the same 32 bits, signed.
         ("PO", data) => Reply::Position(hex(data, 8)?.cast_signed()),
         (letters, _) if letters.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit()) => Reply::Other,
         _ => return None,
@@ -238,19 +238,19 @@ fn identity(data: &str) -> Option<Identity> {
     })
 }
 
-/// Exactly so many hexadecimal digits.
+/// Parses exactly this number of hexadecimal digits.
 fn hex(data: &str, digits: usize) -> Option<u32> {
     let sane = data.len() == digits && data.bytes().all(|b| b.is_ascii_hexdigit());
     if sane { u32::from_str_radix(data, 16).ok() } else { None }
 }
 
-/// Pulses at an angle; none where 32 bits do not suffice.
+/// Pulses at an angle; `None` beyond 32 bits.
 pub fn pulses(angle_deg: f64, pulses_per_turn: u32) -> Option<i32> {
     let pulses = (angle_deg / 360.0 * f64::from(pulses_per_turn)).round();
     (pulses >= f64::from(i32::MIN) && pulses <= f64::from(i32::MAX)).then_some(pulses as i32)
 }
 
-/// Angle of so many pulses.
+/// Angle in degrees of a position in pulses.
 pub fn degrees(pulses: i32, pulses_per_turn: u32) -> f64 {
     f64::from(pulses) * 360.0 / f64::from(pulses_per_turn.max(1))
 }
@@ -291,7 +291,7 @@ mod tests {
         }
     }
 
-    /// Found by fuzzing.
+    /// Case found by fuzzing.
     #[test]
     fn the_lowest_position_has_an_angle_and_comes_back() {
         let (_, reply) = parse(b"0PO80000000").unwrap();

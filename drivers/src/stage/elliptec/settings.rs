@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A rotation stage of Thorlabs' Elliptec series: ELL14, ELL18 and their kin.
+/// A rotation stage of Thorlabs' Elliptec series: ELL14, ELL18 and related models.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
@@ -14,17 +14,17 @@ pub struct Settings {
     pub port: PathBuf,
     /// Address on the bus, 0 to 9 or A to F.
     pub address: Address,
-    /// It answers within this time, in ms.
+    /// Maximum time for an answer, in ms.
     pub answer_ms: u64,
-    /// The longest movement, homing included, takes no longer than this, in ms.
+    /// Maximum time of a movement, homing included, in ms.
     pub move_ms: u64,
-    /// Time until it stands still after a move, in ms.
+    /// Settling time after a move, in ms.
     pub settling_ms: u64,
-    /// Speed in degrees per second, for estimates.
+    /// Speed in degrees per second, for time estimates.
     pub speed_deg_s: f64,
-    /// A reported angle may differ from the asked one by this much, in degrees.
+    /// Largest accepted difference between reported and requested angle, in degrees.
     pub tolerance_deg: f64,
-    /// Lowest and highest angle of the axis.
+    /// Lowest and highest angle of the axis in degrees.
     pub limits_deg: [f64; 2],
 }
 
@@ -44,10 +44,10 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Says what is wrong with it.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// The key and what it must be.
+    /// The invalid key and its valid values.
     pub fn check(&self) -> Result<(), String> {
         check::port(&self.port)?;
         check::milliseconds("answer_ms", self.answer_ms, 1)?;

@@ -1,4 +1,4 @@
-//! Transcripts, written from the protocol.
+//! Transcripts written from the protocol manual.
 
 use super::*;
 use crate::SystemClock;
@@ -18,7 +18,7 @@ fn open(steps: &[(&str, &str)]) -> DeviceResult<Elliptec> {
     Elliptec::on(Box::new(Replay::new(steps)), &settings(), Arc::new(SystemClock))
 }
 
-/// Opens and homes, then follows the transcript.
+/// Opens and homes the stage, then follows the transcript.
 fn homed(steps: &[(&str, &str)]) -> Elliptec {
     let steps: Vec<(&str, &str)> = [IDLE, IDENTITY].iter().chain(&HOMED).chain(steps).copied().collect();
     let mut stage = open(&steps).unwrap();
@@ -51,7 +51,7 @@ fn a_linear_stage_is_refused_by_name() {
 fn a_move_is_over_when_it_says_so_and_not_sooner() {
     let mut stage = homed(&[
         AT_ZERO,
-        // Two late answers of before, the bus' other modules, then the end.
+        // Two late answers, messages of other modules on the bus, then the end.
         ("2ma00008C00", "2PO00000000\r\n5PO00001234\r\n"),
         ("2gs", "2GS09\r\n"),
         ("2gs", "2GS09\r\n"),
@@ -104,7 +104,7 @@ fn a_reset_is_found_before_the_next_move() {
 #[test]
 fn a_lost_end_is_no_arrival_and_the_next_move_homes() {
     let mut steps = vec![AT_ZERO, ("2ma00008C00", "2PO0000")];
-    // What follows half a line belongs to it; then it is idle, and does not say where.
+    // Bytes after half a line belong to that line. The module then reports idle, without a position.
     steps.extend([IDLE; 4]);
     steps.extend(HOMED);
     steps.extend([("2ma00001000", "2PO00001000\r\n"), IDLE, ("2gp", "2PO00001000\r\n")]);
@@ -155,7 +155,7 @@ fn frequencies_are_searched_for_both_motors() {
     wait(homed(&[("2s1", ""), busy, IDLE, ("2s2", ""), busy, IDLE]).search_frequency()).unwrap();
 }
 
-/// One step of a call that is dropped then.
+/// Polls a future once; the call is then dropped.
 trait PollOnce {
     fn poll_once(&mut self) -> Option<()>;
 }

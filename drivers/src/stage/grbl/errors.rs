@@ -1,4 +1,4 @@
-//! What goes wrong with a GRBL axis, and what to do then.
+//! Errors of a GRBL axis, and their remedies.
 
 use super::Grbl;
 use super::protocol::{State, alarm_name, error_name};
@@ -10,12 +10,12 @@ impl Grbl {
         DeviceError::new(self.lines.device(), what, expected, got)
     }
 
-    /// What may work when it is tried again.
+    /// Error of a command that may succeed when repeated.
     pub(super) fn passing(&self, what: &str, expected: &str, got: String) -> DeviceError {
         self.error(what, expected, got).remedy("check cable and power, then try again").class(Class::Retry)
     }
 
-    /// How the zero is found again.
+    /// Instruction for finding the zero again.
     fn again(&self) -> &'static str {
         if self.settings.homes {
             "home it, then resume the session"
@@ -89,7 +89,7 @@ impl Grbl {
             .class(Class::Setup)
     }
 
-    /// Without homing, a link that comes back leads to a controller that may have started anew.
+    /// Without homing, a restored link may lead to a restarted controller, so the error becomes permanent.
     pub(super) fn for_good(&self, error: DeviceError) -> DeviceError {
         match error.class {
             Class::Lost if !self.settings.homes => error.class(Class::Stop).remedy(self.again()),

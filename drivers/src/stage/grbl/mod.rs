@@ -1,7 +1,8 @@
 //! A rotary axis on a motor controller that runs GRBL 1.1.
 //!
-//! GRBL says `ok` when it has queued a line, so the end of a movement is seen in its reports: idle, and at the target. A
-//! controller that starts anew in the middle counts from another zero; it says so, and a place that changed says so too.
+//! GRBL answers `ok` when it has queued a line. The end of a movement is therefore taken from its reports: idle, and at
+//! the target. A controller that restarts counts from another zero. It announces the restart, and its position then
+//! differs from the last known one.
 
 mod errors;
 pub mod protocol;
@@ -20,16 +21,16 @@ use protocol::{Line, Place, Report, State, move_line, parse};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How often reports are asked for while it moves.
+/// Interval of report requests during a movement.
 const POLL: Duration = Duration::from_millis(50);
 
-/// So many reports of rest away from the target end a movement.
+/// Consecutive idle reports away from the target that end a movement.
 const SHORT: u32 = 3;
 
-/// After this many times of an answer without a word, nothing late comes any more.
+/// Silence, in multiples of the answer time, after which no late answer is expected.
 const QUIET: u32 = 5;
 
-/// A controller that talks for so many times the time of an answer, without a pause, talks for ever.
+/// Multiple of the answer time after which a controller that sends without a pause counts as faulty.
 const TALK: u32 = 40;
 
 /// A rotary axis of a GRBL controller.
@@ -38,15 +39,15 @@ pub struct Grbl {
     settings: Settings,
     clock: Arc<dyn Clock>,
     zero: Zero,
-    /// It is on its way to its switch.
+    /// Whether a homing cycle is in progress.
     homing: bool,
-    /// Where the axis' work coordinates start, as last reported.
+    /// Origin of the axis' work coordinates, as last reported.
     offset: Option<f64>,
-    /// Answers that did not come in time may still come.
+    /// Late answers may still arrive.
     unsettled: bool,
 }
 
-/// What was heard.
+/// Received message.
 enum Heard {
     Line(Line),
     Garbage(String),
@@ -54,17 +55,17 @@ enum Heard {
 }
 
 impl Grbl {
-    /// Opens the port, which restarts many a controller, and asks who is there.
+    /// Opens the port, which restarts many controllers, and identifies the controller.
     ///
     /// # Errors
-    /// `Setup` when the port cannot be opened or something else is there; as the controller answers.
+    /// `Setup` if the port cannot be opened or another device answers; otherwise as the controller.
     pub fn open(settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
         settings.check().map_err(|e| crate::stage::misconfigured("GRBL stage", e))?;
         let wire = SerialWire::open("GRBL stage", &settings.port, settings.baud)?;
         Self::on(Box::new(wire), settings, clock)
     }
 
-    /// The same on a cable that is open.
+    /// Identifies the controller on an open port.
     ///
     /// # Errors
     /// As [`Grbl::open`].
@@ -76,7 +77,7 @@ impl Grbl {
         Ok(stage)
     }
 
-    /// Waits for the first report, and asks for the version.
+    /// Waits for the first report and queries the version.
     async fn start(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "start";
         let until = self.lines.now() + Duration::from_millis(self.settings.start_ms);
@@ -122,7 +123,7 @@ impl Grbl {
         Duration::from_millis(self.settings.answer_ms)
     }
 
-    /// What it says next, but for messages.
+    /// Next received message, without informational ones.
     async fn hear(&mut self, what: &str, until: Instant) -> DeviceResult<Heard> {
         loop {
             let Some(line) = self.lines.next(what, until).await? else { return Ok(Heard::Nothing) };
@@ -141,7 +142,7 @@ impl Grbl {
         }
     }
 
-    /// What was asked for did not come; it may still come.
+    /// Error for a missing answer, which may still arrive late.
     fn unheard(&mut self, what: &str, expected: &str, heard: Heard, limit: Duration) -> DeviceError {
         self.unsettled = true;
         let got = match heard {
@@ -156,7 +157,7 @@ impl Grbl {
         self.offset = offset.copied().or(self.offset);
     }
 
-    /// Looks at what came without being asked for, and waits until nothing late can come any more.
+    /// Processes unsolicited messages, and waits until no late answer can arrive.
     async fn settle(&mut self, what: &str) -> DeviceResult<()> {
         let time = if self.unsettled { QUIET * self.answer() } else { Duration::ZERO };
         let until = self.lines.now() + time + TALK * self.answer();
@@ -169,7 +170,7 @@ impl Grbl {
         Err(self.passing(what, "an answer", "a controller that talks all the time".into()))
     }
 
-    /// Sends a line and waits until it is taken.
+    /// Sends a line and waits until it is accepted.
     async fn command(&mut self, what: &str, line: &str, limit: Duration) -> DeviceResult<()> {
         self.settle(what).await?;
         self.lines.send(what, line.as_bytes())?;
@@ -177,14 +178,14 @@ impl Grbl {
         loop {
             match self.hear(what, until).await? {
                 Heard::Line(Line::Ok) => return Ok(()),
-                // A report that was asked for earlier.
+                // Answer to an earlier report request.
                 Heard::Line(_) => {}
                 other => return Err(self.unheard(what, "ok", other, limit)),
             }
         }
     }
 
-    /// Asks for a report, once again if there is none that makes sense.
+    /// Requests a report, once again if there is no valid one.
     async fn report(&mut self, what: &str) -> DeviceResult<Report> {
         match self.report_once(what).await {
             Err(e) if e.class == Class::Retry => self.report_once(what).await,
@@ -205,9 +206,9 @@ impl Grbl {
         }
     }
 
-    /// State, and place of the axis in degrees.
+    /// State, and position of the axis in degrees.
     async fn look(&mut self, what: &str) -> DeviceResult<(State, f64)> {
-        // Work coordinates tell the place only with their start, which is not in every report.
+        // Work coordinates give the machine position only with their origin, which not every report contains.
         for _ in 0..40 {
             let report = self.report(what).await?;
             let index = self.settings.axis.index();
@@ -225,7 +226,7 @@ impl Grbl {
         Err(self.passing(what, "a report with WCO", "none".into()))
     }
 
-    /// Waits until it is idle, at the target if there is one; returns where it stands.
+    /// Waits until the axis is idle, at the target if there is one; returns its position.
     async fn rest(&mut self, what: &str, target_deg: Option<f64>, limit: Duration) -> DeviceResult<f64> {
         let until = self.lines.now() + limit;
         let mut short = 0;
@@ -248,7 +249,7 @@ impl Grbl {
     async fn pause(&mut self, what: &str) -> DeviceResult<()> {
         let until = self.lines.now() + POLL;
         while self.lines.now() < until {
-            // What it says meanwhile of its own accord is heard.
+            // Unsolicited messages in the meantime are processed.
             let _ = self.hear(what, until).await?;
         }
         Ok(())
@@ -261,7 +262,7 @@ impl Grbl {
         }
         if self.settings.homes {
             if matches!(self.zero, Zero::Going { .. }) {
-                // A movement whose end was not heard of may go on.
+                // A movement without a confirmed end may still be running.
                 self.rest(what, None, limit).await?;
             }
             self.zero = Zero::Unchecked;
@@ -279,7 +280,7 @@ impl Grbl {
         Ok(at)
     }
 
-    /// Where it stands, which is where it was left; homes it where that is not known.
+    /// Position of the axis, which must be its last known one; homes it if that is unknown.
     async fn be_sure(&mut self, what: &str) -> DeviceResult<f64> {
         if !matches!(self.zero, Zero::Known(_)) {
             return self.find_zero(what).await;
@@ -308,12 +309,12 @@ impl Grbl {
         Arrived { since: self.clock.now() + Duration::from_millis(self.settings.settling_ms), angle_deg }
     }
 
-    /// Holds the movement, and forgets it once the axis stands.
+    /// Holds the movement, and discards it once the axis stands.
     async fn end_movement(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "halt";
         self.lines.send(WHAT, protocol::HOLD)?;
         let until = self.lines.now() + Duration::from_millis(self.settings.move_ms);
-        // While it homes, it answers nothing but a reset.
+        // During homing GRBL accepts only a reset.
         let homing = std::mem::take(&mut self.homing);
         let mut stood = None;
         while self.lines.now() < until && !homing {
@@ -323,7 +324,7 @@ impl Grbl {
                     break;
                 }
                 Ok((State::Alarm, _)) => break,
-                // A byte can get lost.
+                // The hold byte may have been lost, so it is sent again.
                 Ok((State::Run | State::Jog, _)) => {
                     self.lines.send(WHAT, protocol::HOLD)?;
                     self.pause(WHAT).await?;

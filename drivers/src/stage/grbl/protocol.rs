@@ -1,19 +1,19 @@
-//! The lines of GRBL 1.1: what is sent to it, and what it answers.
+//! The line protocol of GRBL 1.1.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Ask for a status report; needs no end of line, as the other two.
+/// Requests a status report; like the other two real-time commands it needs no end of line.
 pub const REPORT: &[u8] = b"?";
-/// Hold the movement.
+/// Holds the movement.
 pub const HOLD: &[u8] = b"!";
-/// Reset, which forgets what was held.
+/// Resets the controller, which discards the held movement.
 pub const RESET: &[u8] = &[0x18];
 
-/// Most axes in a report.
+/// Maximum number of axes in a report.
 const MAX_AXES: usize = 6;
 
-/// An axis, by its letter.
+/// An axis letter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[allow(missing_docs, reason = "letters")]
 pub enum Axis {
@@ -27,7 +27,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Its place in a report.
+    /// Index in a report.
     pub fn index(self) -> usize {
         self as usize
     }
@@ -37,55 +37,55 @@ impl Axis {
     }
 }
 
-/// A move to a place in machine coordinates, whatever units, offsets and modes were in force.
+/// A move in machine coordinates, independent of the units, offsets and modes in force.
 pub fn move_line(axis: Axis, units: f64, feed: f64) -> String {
     format!("G21G90G94G53G1{}{units:.4}F{feed:.1}\n", axis.letter())
 }
 
-/// What GRBL says in a line.
+/// A line sent by GRBL.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Line {
-    /// A line was taken: queued, not done.
+    /// The line was accepted into the queue; it has not been executed.
     Ok,
-    /// A line was not taken.
+    /// The line was rejected.
     Error(u8),
-    /// It locked itself.
+    /// The controller is locked by an alarm.
     Alarm(u8),
-    /// How it is.
+    /// A status report.
     Report(Report),
-    /// It has just started, with this version.
+    /// The controller has just started, with this version.
     Started(String),
-    /// Something in brackets.
+    /// A message in brackets.
     Message(String),
 }
 
 /// A status report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// What it does.
+    /// Machine state.
     pub state: State,
-    /// Where it stands.
+    /// Position of the axes.
     pub place: Option<Place>,
-    /// Work coordinates start here; not in every report.
+    /// Origin of the work coordinates; not in every report.
     pub offset: Option<Vec<f64>>,
 }
 
 /// Coordinates of all axes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Place {
-    /// In machine coordinates.
+    /// Machine coordinates.
     Machine(Vec<f64>),
-    /// In work coordinates.
+    /// Work coordinates.
     Work(Vec<f64>),
 }
 
-/// What GRBL does.
+/// Machine state of GRBL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "named as in the protocol")]
 pub enum State {
     Idle,
     Run,
-    /// Holding; whether it stands already.
+    /// Holding; `still` once the axes stand.
     Hold {
         still: bool,
     },
@@ -97,7 +97,7 @@ pub enum State {
     Sleep,
 }
 
-/// Reads a line, without its end; none if GRBL does not say such things.
+/// Parses a line without its terminator; `None` if GRBL does not send such lines.
 pub fn parse(line: &[u8]) -> Option<Line> {
     let text = std::str::from_utf8(line).ok()?.trim();
     if text == "ok" {
@@ -130,7 +130,7 @@ fn report(text: &str) -> Option<Report> {
             ("MPos", axes) => report.place = Some(Place::Machine(coordinates(axes)?)),
             ("WPos", axes) => report.place = Some(Place::Work(coordinates(axes)?)),
             ("WCO", axes) => report.offset = Some(coordinates(axes)?),
-            // Feeds, buffers, overrides and pins.
+            // Feeds, buffers, overrides and pins are ignored.
             _ => {}
         }
     }
@@ -158,13 +158,13 @@ fn coordinates(text: &str) -> Option<Vec<f64>> {
     numbers.filter(|n| n.len() <= MAX_AXES)
 }
 
-/// A plain decimal number: no exponents, no infinities.
+/// A plain decimal number, without exponent or infinity.
 fn decimal(text: &str) -> Option<f64> {
     let plain = text.len() <= 20 && text.bytes().all(|b| b.is_ascii_digit() || b == b'.' || b == b'-');
     if plain { text.parse().ok() } else { None }
 }
 
-/// What an error means.
+/// Meaning of an error code.
 pub fn error_name(code: u8) -> &'static str {
     match code {
         1 => "a word without a letter",
@@ -192,7 +192,7 @@ pub fn error_name(code: u8) -> &'static str {
     }
 }
 
-/// What an alarm means.
+/// Meaning of an alarm code.
 pub fn alarm_name(code: u8) -> &'static str {
     match code {
         1 => "a limit switch was hit",

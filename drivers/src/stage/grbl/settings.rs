@@ -12,29 +12,30 @@ use std::path::PathBuf;
 pub struct Settings {
     /// Serial port, such as /dev/ttyACM0 or a link in /dev/serial/by-id.
     pub port: PathBuf,
-    /// Rate of the port.
+    /// Baud rate.
     pub baud: u32,
-    /// Letter of the axis; boards without rotary axes turn one of X, Y and Z.
+    /// Letter of the axis; boards without rotary axes use X, Y or Z.
     pub axis: Axis,
-    /// Degrees per unit of the axis: 1 where its steps per unit ($103, or $100 for X) are steps per degree.
+    /// Degrees per unit of the axis: 1 if its steps per unit ($103, or $100 for X) are steps per degree.
     pub degrees_per_unit: f64,
     /// Speed in degrees per minute.
     pub feed_deg_min: f64,
-    /// It has a switch at its zero and homes ($H). Otherwise it counts from where it stood when the controller started.
+    /// Whether the axis has a switch at its zero and homes ($H). Otherwise its zero is the position at which the
+    /// controller started.
     pub homes: bool,
-    /// It answers within this time, in ms.
+    /// Maximum time for an answer, in ms.
     pub answer_ms: u64,
-    /// It starts within this time after the port was opened, in ms.
+    /// Maximum start-up time after the port is opened, in ms.
     pub start_ms: u64,
-    /// The longest movement takes no longer than this, in ms.
+    /// Maximum time of a movement, in ms.
     pub move_ms: u64,
-    /// Homing takes no longer than this, in ms.
+    /// Maximum time of homing, in ms.
     pub home_ms: u64,
-    /// Time until it stands still after a move, in ms.
+    /// Settling time after a move, in ms.
     pub settling_ms: u64,
-    /// A reported angle may differ from the asked one by this much, in degrees.
+    /// Largest accepted difference between reported and requested angle, in degrees.
     pub tolerance_deg: f64,
-    /// Lowest and highest angle of the axis.
+    /// Lowest and highest angle of the axis in degrees.
     pub limits_deg: [f64; 2],
 }
 
@@ -59,10 +60,10 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Says what is wrong with it.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// The key and what it must be.
+    /// The invalid key and its valid values.
     pub fn check(&self) -> Result<(), String> {
         check::port(&self.port)?;
         check::number("degrees_per_unit", self.degrees_per_unit.abs(), 1e-3, 1e3)?;

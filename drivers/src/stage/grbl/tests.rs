@@ -1,4 +1,4 @@
-//! Transcripts, written from the protocol.
+//! Transcripts written from the protocol documentation.
 
 use super::*;
 use crate::SystemClock;
@@ -110,7 +110,7 @@ fn without_homing_a_restart_ends_the_session() {
     let mut stage = stage(&settings, &[IDLE_0, (GO, "Grbl 1.1h ['$' for help]\r\n")]);
     assert!(wait(stage.move_to(90.0)).unwrap_err().remedy.contains("turn the analyser to 0°"));
     assert!(wait(stage.move_to(90.0)).unwrap_err().got.contains("reset"));
-    // The transcript is over, which is a lost link: with a person at hand, no new connection may go on.
+    // The transcript is over, which is a lost link. An axis without homing must not reconnect.
     assert_eq!(wait(stage.halt()).unwrap_err().class, Class::Stop);
 }
 

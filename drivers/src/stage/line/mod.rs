@@ -1,6 +1,6 @@
-//! A stage that the configuration describes by its lines of text.
+//! A stage whose text protocol is described in the configuration.
 //!
-//! Whatever it says, a move is over only when it reports to stand at the target.
+//! A move is complete only when the stage reports the target position, regardless of its other answers.
 
 pub mod pattern;
 mod settings;
@@ -19,38 +19,38 @@ use settings::{Phrases, Said};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How often a moving stage is asked.
+/// Interval of queries during a movement.
 const POLL: Duration = Duration::from_millis(50);
 
-/// A stage whose position stays the same for so many questions stands.
+/// Consecutive equal positions after which a stage counts as stationary.
 const STILL: u32 = 4;
 
-/// After this many times of an answer without a word, nothing late comes any more.
+/// Silence, in multiples of the answer time, after which no late answer is expected.
 const QUIET: u32 = 5;
 
-/// A stage that takes lines of text.
+/// A stage with a text protocol.
 pub struct LineStage {
     lines: Lines,
     settings: Settings,
     phrases: Phrases,
     clock: Arc<dyn Clock>,
     zero: Zero,
-    /// Answers that did not come in time may still come.
+    /// Late answers may still arrive.
     unsettled: bool,
 }
 
 impl LineStage {
-    /// Opens the port and asks for the position.
+    /// Opens the port and queries the position.
     ///
     /// # Errors
-    /// `Setup` when the configuration is wrong or the port cannot be opened; as the stage answers.
+    /// `Setup` if the configuration is wrong or the port cannot be opened; otherwise as the stage.
     pub fn open(settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
         settings.read().map_err(|e| crate::stage::misconfigured(&settings.name, e))?;
         let wire = SerialWire::open(&settings.name, &settings.port, settings.baud)?;
         Self::on(Box::new(wire), settings, clock)
     }
 
-    /// The same on a cable that is open.
+    /// Queries the position on an open port.
     ///
     /// # Errors
     /// As [`LineStage::open`].
@@ -82,7 +82,7 @@ impl LineStage {
             .class(Class::Retry)
     }
 
-    /// Waits until nothing late can come any more.
+    /// Waits until no late answer can arrive.
     async fn settle(&mut self, what: &str) -> DeviceResult<()> {
         if self.unsettled {
             self.lines.quiet(what, QUIET * self.answer()).await?;
@@ -97,7 +97,7 @@ impl LineStage {
         self.lines.send(what, format!("{text}{}", self.settings.terminator).as_bytes())
     }
 
-    /// The next line; an error if it looks like one.
+    /// The next line; an error if it matches an error pattern.
     async fn hear(&mut self, what: &str, limit: Duration) -> DeviceResult<Vec<u8>> {
         let Some(line) = self.lines.next(what, self.lines.now() + limit).await? else {
             self.unsettled = true;
@@ -113,7 +113,7 @@ impl LineStage {
         Ok(line)
     }
 
-    /// The answer that looks as it should.
+    /// Waits for the answer that matches the pattern.
     async fn expect(
         &mut self,
         what: &str,
@@ -131,7 +131,7 @@ impl LineStage {
         }
     }
 
-    /// A whole exchange; none if the configuration has it not.
+    /// Executes an exchange; `None` if it is not configured.
     async fn exchange(
         &mut self,
         what: &str,
@@ -146,7 +146,7 @@ impl LineStage {
         self.expect(what, which, limit).await.map(Some)
     }
 
-    /// Where it stands; asked once again if the answer makes no sense.
+    /// Position; queried once again if the answer is invalid.
     async fn place(&mut self, what: &str) -> DeviceResult<f64> {
         let mut answer = self.exchange(what, |p| Some(&p.position), 0.0, self.answer()).await;
         if answer.as_ref().is_err_and(|e| e.class == Class::Retry) {
@@ -158,7 +158,7 @@ impl LineStage {
         }
     }
 
-    /// Waits until it says that it stands, where it can be asked.
+    /// Waits until the stage reports that it stands, if the configuration has such a query.
     async fn stands(&mut self, what: &str) -> DeviceResult<()> {
         let until = self.lines.now() + self.longest_move();
         while let Some(text) = self.phrases.poll.as_ref().map(|p| p.send.fill(0.0, 1.0)) {
@@ -184,20 +184,20 @@ impl LineStage {
         Ok(())
     }
 
-    /// Waits until its position does not change any more, at the target if there is one; returns the position.
+    /// Waits until the position is constant, at the target if there is one; returns the position.
     async fn rest(&mut self, what: &str, target_deg: Option<f64>) -> DeviceResult<f64> {
         let tolerance = self.settings.motion.tolerance_deg;
         let until = self.lines.now() + self.longest_move();
         let (mut last, mut still) = (f64::NAN, 0);
         while self.lines.now() < until {
             let at = self.place(what).await?;
-            // The first of the places that are alike stays, so that creeping is noticed.
+            // Positions are compared with the first of the equal ones, so that slow drift is noticed.
             if (at - last).abs() <= tolerance {
                 still += 1;
             } else {
                 (last, still) = (at, 0);
             }
-            // At its target, or as it says itself, it is done; otherwise it may not have begun yet.
+            // One reading suffices at the target or with a status query. Otherwise the movement may not have begun yet.
             let enough = if target_deg.is_some() || self.phrases.poll.is_some() { 1 } else { STILL };
             let there = target_deg.is_none_or(|t| (at - t).abs() <= tolerance);
             match (there, still) {
@@ -251,7 +251,7 @@ impl LineStage {
         self.error(what, &expected, format!("{at:.2}°, after a reset or another program's move")).remedy(self.again())
     }
 
-    /// Where it stands, which is where it was left; homes it where that is not known.
+    /// Position of the stage, which must be its last known one; homes it if that is unknown.
     async fn be_sure(&mut self, what: &str) -> DeviceResult<f64> {
         if !matches!(self.zero, Zero::Known(_)) {
             return self.find_zero(what).await;
@@ -279,7 +279,7 @@ impl LineStage {
         Arrived { since: self.clock.now() + Duration::from_millis(self.settings.motion.settling_ms), angle_deg }
     }
 
-    /// Without homing, a link that comes back leads to a stage that may have started anew.
+    /// Without homing, a restored link may lead to a restarted stage, so the error becomes permanent.
     fn for_good(&self, error: DeviceError) -> DeviceError {
         match error.class {
             Class::Lost if self.phrases.home.is_none() => error.class(Class::Stop).remedy(self.again()),
@@ -316,7 +316,7 @@ impl Stage for LineStage {
     }
 
     async fn halt(&mut self) -> DeviceResult<()> {
-        // The answer to what was dropped may still come.
+        // The answer to the dropped query may still arrive.
         for _ in 0..2 {
             match self.exchange("halt", |p| p.halt.as_ref(), 0.0, self.answer()).await {
                 Ok(_) => break,
@@ -326,7 +326,7 @@ impl Stage for LineStage {
         }
         self.stands("halt").await.map_err(|e| self.for_good(e))?;
         let at = self.rest("halt", None).await.map_err(|e| self.for_good(e))?;
-        // Stopped on its way it knows where it is; anywhere else it has forgotten its zero.
+        // A stage stopped between the two ends knows its position; elsewhere its zero is lost.
         if let Zero::Going { from, to } = self.zero {
             let slack = self.settings.motion.tolerance_deg;
             let on_its_way = at >= from.min(to) - slack && at <= from.max(to) + slack;

@@ -1,22 +1,22 @@
-//! What is sent to a stage that the configuration describes, and what its answers look like: literal text with at most one
-//! placeholder. `{{` and `}}` stand for braces.
+//! Templates of sent lines and patterns of answers for a configured stage: literal text with at most one placeholder.
+//! `{{` and `}}` stand for braces.
 
-/// Longest template or pattern.
+/// Maximum length of a template or pattern.
 const MAX_TEXT: usize = 200;
 
-/// Most decimals of a number that is sent.
+/// Maximum number of decimals of a sent number.
 const MAX_DECIMALS: usize = 9;
 
-/// What a placeholder stands for.
+/// Meaning of a placeholder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hole {
     /// `{angle}`: degrees.
     Angle,
     /// `{units}`: the stage's own units.
     Units,
-    /// `{number}`: a number that does not matter.
+    /// `{number}`: an ignored number.
     Number,
-    /// `{any}`: text that does not matter.
+    /// `{any}`: ignored text.
     Any,
 }
 
@@ -28,19 +28,19 @@ struct Parts {
     after: String,
 }
 
-/// Text to send, with the target of a move in it.
+/// Text to send, with a placeholder for the target of a move.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Template(Parts);
 
-/// What an answer looks like.
+/// Pattern of an answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern(Parts);
 
 impl Template {
-    /// Reads a template.
+    /// Parses a template.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The defect of the template.
     pub fn new(text: &str) -> Result<Self, String> {
         let parts = parts(text)?;
         match parts.hole {
@@ -49,7 +49,7 @@ impl Template {
         }
     }
 
-    /// Whether the target of a move is in it.
+    /// Whether it contains the target of a move.
     pub fn has_target(&self) -> bool {
         self.0.hole.is_some()
     }
@@ -65,7 +65,7 @@ impl Template {
     }
 }
 
-/// An answer that looks as it should.
+/// An answer that matches a pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Match {
     /// Without an angle.
@@ -75,10 +75,10 @@ pub enum Match {
 }
 
 impl Pattern {
-    /// Reads a pattern.
+    /// Parses a pattern.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The defect of the pattern.
     pub fn new(text: &str) -> Result<Self, String> {
         let parts = parts(text)?;
         if parts.hole.is_none() && parts.before.is_empty() {
@@ -87,12 +87,12 @@ impl Pattern {
         Ok(Self(parts))
     }
 
-    /// Whether an angle is in it.
+    /// Whether it contains an angle.
     pub fn has_angle(&self) -> bool {
         matches!(self.0.hole, Some((Hole::Angle | Hole::Units, _)))
     }
 
-    /// Compares with a whole line; none if it looks different.
+    /// Compares with a whole line; `None` if it does not match.
     pub fn matches(&self, line: &[u8], units_per_deg: f64) -> Option<Match> {
         let line = std::str::from_utf8(line).ok()?.trim();
         let Parts { before, hole, after } = &self.0;
@@ -107,7 +107,7 @@ impl Pattern {
     }
 }
 
-/// A decimal number with a sign, and an exponent if need be.
+/// A signed decimal number with an optional exponent.
 fn decimal(text: &str) -> Option<f64> {
     let text = text.trim();
     let plain = text.len() <= 30 && text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));

@@ -1,4 +1,4 @@
-//! Configuration of a stage by its lines of text.
+//! Configuration of a stage with a text protocol.
 
 use super::pattern::{Pattern, Template};
 use crate::stage::check;
@@ -6,54 +6,54 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A stage that takes and answers lines of text, described here.
+/// A stage with a text protocol, which is described here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
     /// Serial port, such as /dev/ttyUSB0 or a link in /dev/serial/by-id.
     pub port: PathBuf,
-    /// What it is called.
+    /// Name of the stage.
     #[serde(default = "name")]
     pub name: String,
-    /// Rate of the port.
+    /// Baud rate.
     #[serde(default = "baud")]
     pub baud: u32,
-    /// Ends each line that is sent.
+    /// Terminator of each sent line.
     #[serde(default = "terminator")]
     pub terminator: String,
-    /// Finds the zero. Without it the stage's angles are taken as they are.
+    /// Finds the zero. Without it the stage's angles are taken as absolute.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub home: Option<Exchange>,
     /// Moves to `{angle}` or `{units}`.
     #[serde(rename = "move")]
     pub go: Exchange,
-    /// Asks for the position, answered with `{angle}` or `{units}`.
+    /// Queries the position, answered with `{angle}` or `{units}`.
     pub position: Exchange,
-    /// Asks whether it stands; the reply is that of a stage that does. Without it, moves and homing are answered when they
-    /// are over.
+    /// Queries whether the stage stands; the reply is that of a stationary stage. Without it, moves and homing must be
+    /// answered at their end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub poll: Option<Exchange>,
-    /// Ends a movement.
+    /// Stops a movement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub halt: Option<Exchange>,
-    /// Replies that are errors, such as `ERR{any}`.
+    /// Patterns of error replies, such as `ERR{any}`.
     #[serde(default)]
     pub errors: Vec<String>,
     /// The stage's own units per degree, for `{units}`.
     #[serde(default = "one")]
     pub units_per_deg: f64,
-    /// What else there is to know.
+    /// Times, angles and limits of the stage.
     #[serde(default)]
     pub motion: Motion,
 }
 
-/// A line that is sent, and what its reply looks like. Placeholders are `{angle}`, `{units}`, `{number}` and `{any}`.
+/// A sent line, and the pattern of its reply. Placeholders are `{angle}`, `{units}`, `{number}` and `{any}`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Exchange {
-    /// The line; `{angle:.3}` is the target with three decimals.
+    /// Sent line; `{angle:.3}` is the target with three decimals.
     pub send: String,
-    /// The reply.
+    /// Pattern of the reply.
     pub reply: String,
 }
 
@@ -61,17 +61,17 @@ pub struct Exchange {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Motion {
-    /// It answers within this time, in ms.
+    /// Maximum time for an answer, in ms.
     pub answer_ms: u64,
-    /// The longest movement, homing included, takes no longer than this, in ms.
+    /// Maximum time of a movement, homing included, in ms.
     pub move_ms: u64,
-    /// Time until it stands still after a move, in ms.
+    /// Settling time after a move, in ms.
     pub settling_ms: u64,
-    /// Speed in degrees per second, for estimates.
+    /// Speed in degrees per second, for time estimates.
     pub speed_deg_s: f64,
-    /// A reported angle may differ from the asked one by this much, in degrees.
+    /// Largest accepted difference between reported and requested angle, in degrees.
     pub tolerance_deg: f64,
-    /// Lowest and highest angle of the axis.
+    /// Lowest and highest angle of the axis in degrees.
     pub limits_deg: [f64; 2],
 }
 
@@ -104,13 +104,13 @@ fn one() -> f64 {
     1.0
 }
 
-/// An exchange that was read.
+/// A parsed exchange.
 pub(super) struct Said {
     pub(super) send: Template,
     pub(super) reply: Pattern,
 }
 
-/// All of a stage's exchanges.
+/// All exchanges of a stage.
 pub(super) struct Phrases {
     pub(super) home: Option<Said>,
     pub(super) go: Said,
@@ -121,10 +121,10 @@ pub(super) struct Phrases {
 }
 
 impl Settings {
-    /// Reads all templates and patterns, and checks the rest.
+    /// Parses all templates and patterns, and checks the other keys.
     ///
     /// # Errors
-    /// The key and what is wrong with it.
+    /// The invalid key and its defect.
     pub(super) fn read(&self) -> Result<Phrases, String> {
         check::port(&self.port)?;
         check::number("units_per_deg", self.units_per_deg.abs(), 1e-6, 1e9)?;

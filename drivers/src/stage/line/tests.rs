@@ -1,4 +1,4 @@
-//! Transcripts of made-up stages.
+//! Transcripts of fictitious stages.
 
 use super::*;
 use crate::SystemClock;
@@ -31,7 +31,7 @@ fn open(settings: &Settings, steps: &[(&str, &str)]) -> DeviceResult<LineStage> 
 
 const AT_0: (&str, &str) = ("POS?\r\n", "POS 0.0\r\n");
 const AT_45: (&str, &str) = ("POS?\r\n", "POS 45.0\r\n");
-/// Asked when it is opened, and until it is sure to stand.
+/// Queries at opening, and until the stage certainly stands.
 const RESTS: [(&str, &str); 6] = [AT_0; 6];
 const GO: &str = "MOVE 45.0\r\n";
 
@@ -80,7 +80,7 @@ fn what_goes_wrong_is_no_arrival() {
     let mut stage = open(&settings(), &steps).unwrap();
     let error = wait(stage.move_to(45.0)).unwrap_err();
     assert!(error.class == Class::Retry && error.got.contains("rest at 0.00°"), "{error}");
-    // It may have started anew on its way: that it says 0 is not believed when it is tried again.
+    // The stage may have restarted during the movement, so a later reading of 0 is not trusted.
     let error = wait(stage.home()).unwrap_err();
     assert!(error.class == Class::Stop && error.expected.contains("45.00°"), "{error}");
 }
@@ -92,7 +92,7 @@ fn a_stage_that_was_moved_by_others_is_noticed() {
     wait(stage.home()).unwrap();
     assert!(wait(stage.move_to(10.0)).unwrap_err().got.contains("45.00°"));
     assert!(wait(stage.position()).unwrap_err().remedy.contains("zero"));
-    // The transcript is over: a lost link, after which nobody knows the zero.
+    // The transcript is over: a lost link, after which the zero is unknown.
     assert_eq!(wait(stage.halt()).unwrap_err().class, Class::Stop);
 }
 

@@ -6,24 +6,25 @@ use crate::fit::views::View;
 use nacre_frames::LoadedFrames;
 use nacre_image::registration::{Alignment, Registrar, Resampler};
 
-/// Which shifts the photographs have; `None` for sensors that take all angles at once.
+/// Alignment of the photographs by their shifts; `None` for sensors that take all angles at once.
 pub(crate) fn alignment(registrar: Option<&Registrar>, angles: &[f64]) -> Option<Alignment> {
     Some(registrar?.polarized(angles).into())
 }
 
-/// Errors beyond this in degrees are outside the reach of the linearised fit, which finds their presence but not their size.
+/// Largest error in degrees within the range of the linearised fit. It detects larger errors, but does not determine
+/// their size.
 const FINDABLE_DEG: f64 = 15.0;
 
-/// Analyser-angle errors that the residuals show.
+/// Analyser-angle errors estimated from the residuals.
 pub(crate) enum AngleErrors {
-    /// The fit was made anew with corrected angles.
+    /// The fit was repeated with corrected angles.
     Corrected(Misses),
     /// The stated angles were kept.
     Kept(Misses),
 }
 
 impl AngleErrors {
-    /// The errors, where angles were corrected.
+    /// The errors, if angles were corrected.
     pub(crate) fn corrected(&self) -> Option<&Misses> {
         match self {
             Self::Corrected(errors) => Some(errors),
@@ -31,7 +32,7 @@ impl AngleErrors {
         }
     }
 
-    /// Light that changed between photographs, and the largest error that was not corrected; and what to do.
+    /// Warnings about changes of the light between photographs, and about the largest uncorrected error, with remedies.
     pub(crate) fn warnings(&self, frames: &LoadedFrames, brackets: &[Vec<usize>], views: &[View]) -> Vec<String> {
         let largest = |values: &[f64]| {
             let (k, largest) = values.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
@@ -77,14 +78,15 @@ impl AngleErrors {
     }
 }
 
-/// What resampling leaves of the noise that a camera is said to have.
+/// Reduces the stated camera noise by the smoothing of the resampling.
 pub(crate) fn smoothed_noise(noise: &mut [FrameNoise], shifts: &[[f64; 2]], [width, height]: [usize; 2]) {
     for (noise, shift) in noise.iter_mut().zip(shifts) {
         *noise = noise.scaled(Resampler::new(*shift, width, height).noise_factor());
     }
 }
 
-/// How much larger the variance of a mean over many pixels is than the resampled pixels' own noise says, since they share it.
+/// Ratio of the variance of a mean over many pixels to the variance expected from the resampled pixels' noise, which is
+/// correlated between neighbours.
 pub(crate) fn correlated(shifts: &[[f64; 2]], [width, height]: [usize; 2]) -> f64 {
     let left = |shift: &[f64; 2]| Resampler::new(*shift, width, height).noise_factor();
     shifts.len().max(1) as f64 / shifts.iter().map(left).sum::<f64>().max(f64::MIN_POSITIVE)

@@ -1,12 +1,14 @@
-//! How far the analyser missed its angles, from the photographs themselves.
+//! Analyser-angle errors, estimated from the photographs themselves.
 //!
-//! An analyser that stands δ from where it is said to be changes the intensity by δ·dI/dψ, in every pixel in its own way but by one δ. Part
-//! of that pattern the fit takes up: turning all angles together changes nothing but the gauge, and of N angles three numbers per pixel are
-//! fitted. What is left over is explained by all δ together, by least squares, as far as they can be told.
+//! An analyser-angle error δ changes the intensity by δ·dI/dψ, with the same δ for all pixels but a different factor
+//! for each. The fit absorbs part of this pattern. A common rotation of all angles only changes the common offset of
+//! the orientations, and three parameters are fitted to the N intensities of a pixel. The remaining residuals determine
+//! the errors δ jointly by least squares, as far as they are observable.
 //!
-//! Light that drifts changes the intensity in proportion. That looks the same where few orientations are in view, and always where errors go
-//! with sin 2(ψ - φ) and light with cos 2(ψ - φ), as these together change all light's polarization alike (boosts of the cone of [1, cos 2ψ,
-//! sin 2ψ]). So before angles are put right, both are told together, each expected to be as large as the rest of its kind is.
+//! Drift of the light changes the intensity in proportion. Both effects look the same where few orientations are in
+//! view. They always do for angle errors proportional to sin 2(ψ - φ) together with light proportional to cos 2(ψ - φ).
+//! These change the polarization of all light alike (boosts of the cone of [1, cos 2ψ, sin 2ψ]). Before angles are
+//! corrected, both are therefore estimated jointly, each with a prior variance equal to that of its kind.
 
 use crate::angles::sample::{AREA, Sample};
 use crate::film::cloud::CloudPoint;
@@ -16,79 +18,84 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Combinations of angles that change the residuals by less than this share of what the best does (as a variance) cannot be told.
+/// Combinations of angles with less information than this fraction of the best one's (as a variance) count as
+/// unobservable.
 const TOLD: f64 = 1e-4;
 
-/// Rounds of weighting.
+/// Iterations of the weighting.
 const ROUNDS: usize = 20;
 
-/// Rounds of finding angles: what is neglected of errors of 5° in one is of second order, 0.4°, and of fourth in two.
+/// Iterations of the angle estimate: for errors of 5° the neglected terms are of second order in one iteration, 0.4°,
+/// and of fourth order in two.
 const PASSES: usize = 4;
 
-/// A step of less than this, in rad, is the last.
+/// Step in rad below which the iteration ends.
 const CONVERGED: f64 = 1e-6;
 
-/// Rounds of finding how large errors of angles and of light are, and what is taken for it first: half a degree, and one per cent.
+/// Iterations of the estimate of both prior variances, and their initial value: 0.5° for angles, 1 % for the light.
 const LEARNED: usize = 40;
 const AT_FIRST: f64 = 1e-4;
 
-/// Relative change of these that ends the rounds.
+/// Relative change of the prior variances that ends the iterations.
 const SETTLED: f64 = 0.01;
 
-/// Combinations of errors that answer by less than this share of what the best does are those that nothing can tell, and rounding.
+/// Combinations of errors with less information than this fraction of the best one's are unobservable: their
+/// information is rounding error.
 const EXACT: f64 = 1e-9;
 
-/// Angles that are off by no more than this (root mean square, in rad) are not worth reading the photographs again: twelve that are off by
-/// 0.05° at random make orientations 0.01° wrong. What 0.1° make of a circle may already be a film.
+/// Root mean square angle error in rad below which rereading the photographs is not worthwhile: twelve angles with
+/// random errors of 0.05° cause orientation errors of 0.01°. The distortion of a circle by errors of 0.1° may already
+/// be mistaken for a film.
 const WORTH: f64 = 0.05 * PI / 180.0;
 
-/// Change of the light between photographs that is worth a warning (root mean square), and in standard deviations: 0.1 % moves points about as far as
-/// the noise of a good camera's pixel.
+/// Root mean square change of the light between photographs from which a warning is issued, and its minimum in standard
+/// deviations. A change of 0.1 % shifts points by about the noise of a good camera's pixel.
 const DRIFT: f64 = 1e-3;
 const DRIFT_SIGMA: f64 = 5.0;
 
-/// Least variance of the polarization over the pixels, relative to the square of the light, from which angles and light can be told apart: points
-/// (S1/S0, S2/S0) that scatter by 3 %.
+/// Smallest variance of the polarization over the pixels, relative to the squared light, for which angle errors and
+/// light changes can be distinguished. It corresponds to a scatter of the points (S1/S0, S2/S0) of 3 %.
 const VARIED: f64 = 1e-3;
 
-/// And nor are they where no more than this share of it can be told.
+/// Largest remaining standard deviation, relative to the root mean square error, for which a correction is applied.
 const KNOWN: f64 = 0.5;
 
-/// Standard deviation of the analyser's angles in rad about where they are said to be; `maps` is the fit of these views, in blocks of
-/// 64 pixels. None for three angles, which fit everything, and where no combination of angles can be told.
+/// Standard deviation of the analyser's angle errors in rad, about their stated values. `maps` is the fit of these
+/// views, in blocks of 64 pixels. `None` for three angles, which leave no residuals, and if no combination of angles is
+/// observable.
 pub fn angle_sigma(views: &[&[f32]], design: &Design, maps: &StokesMaps) -> Option<f64> {
     let modes = Evidence::new(views, design, maps)?.modes()?;
     Some(scatter(&modes.amplitudes, &modes.noise).sqrt())
 }
 
-/// By how much the analyser missed its angles, one by one.
+/// Analyser-angle errors of the individual views.
 #[derive(Clone, Debug)]
 pub struct Misses {
-    /// Where it stood less where it is said to have stood, per view, in rad; their mean, which cannot be told, is 0.
+    /// True minus stated angle per view in rad. The mean, which is unobservable, is set to 0.
     pub errors: Vec<f64>,
-    /// Standard deviation in rad that is left of them.
+    /// Standard deviation of the estimated errors in rad.
     pub left: f64,
-    /// Relative change of the light of each view; their mean, which cannot be told, is 0.
+    /// Relative change of the light of each view. The mean, which is unobservable, is set to 0.
     pub lights: Vec<f64>,
-    /// Standard deviation that is left of them.
+    /// Standard deviation of the estimated light changes.
     pub lights_left: f64,
 }
 
 impl Misses {
-    /// Whether corrected angles are worth reading the photographs again.
+    /// Whether rereading the photographs with corrected angles is worthwhile.
     pub(crate) fn is_worth_correcting(&self) -> bool {
         let rms = root_mean_square(&self.errors);
         rms > WORTH && self.left < KNOWN * rms
     }
 
-    /// Whether the light of the photographs differs beyond doubt: its root mean square.
+    /// Root mean square change of the light, if it is significant.
     pub(crate) fn drift(&self) -> Option<f64> {
         Some(root_mean_square(&self.lights)).filter(|rms| *rms > DRIFT && DRIFT_SIGMA * self.lights_left < *rms)
     }
 }
 
-/// Finds by how much the analyser missed these angles, in rad, from views in blocks of 64 pixels. `stated` is the standard deviation
-/// that they are said to have, `fit` solves the views with others. None where there is nothing worth putting right.
+/// Estimates the errors of analyser angles (rad) from views in blocks of 64 pixels. `stated` is their stated standard
+/// deviation; `fit` solves the views for other angles. `None` if no correction is worthwhile.
 pub fn misses(
     views: &[&[f32]],
     angles: &[f64],
@@ -98,7 +105,7 @@ pub fn misses(
     estimate(views, angles, stated, fit).filter(Misses::is_worth_correcting)
 }
 
-/// The same, also where no correction is worth it. None where nothing can be told.
+/// As [`misses`], also for errors that are not worth a correction. `None` if nothing is observable.
 pub(super) fn estimate(
     views: &[&[f32]],
     angles: &[f64],
@@ -126,7 +133,7 @@ pub(super) fn estimate(
         }
     }
     let (found, covariance) = last?;
-    // A common turn cannot be told, and does not matter; nor does a common change of the light.
+    // A common rotation is unobservable and irrelevant, as is a common change of the light.
     let centred = |all: DVector<f64>| all.add_scalar(-all.mean()).iter().copied().collect();
     let left = |kind: usize| {
         let own = covariance.view((kind * n, kind * n), (n, n));
@@ -136,7 +143,7 @@ pub(super) fn estimate(
     Some(Misses { errors: centred(errors), left: left(ANGLE), lights, lights_left: left(LIGHT) })
 }
 
-/// Whether polarization varies over the pixels: where it does not, errors of angles and changes of the light look the same.
+/// Whether polarization varies over the pixels. Otherwise angle errors and light changes cannot be distinguished.
 fn is_varied(views: &[&[f32]], angles: &[f64], fit: impl Fn(&[f64], &Design) -> StokesMaps) -> Option<bool> {
     let design = Design::new(angles).ok()?;
     let moments = Evidence::new(views, &design, &fit(angles, &design))?.all().moments;
@@ -149,7 +156,7 @@ fn root_mean_square(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64).sqrt()
 }
 
-/// Variance of amplitudes beyond that of their noise, each weighted as it is known.
+/// Variance of amplitudes in excess of their noise, weighted by precision.
 fn scatter(amplitudes: &[f64], noise: &[f64]) -> f64 {
     let n = amplitudes.len() as f64;
     let mut variance = amplitudes.iter().map(|a| a * a).sum::<f64>() / n;
@@ -165,8 +172,8 @@ fn scatter(amplitudes: &[f64], noise: &[f64]) -> f64 {
     variance
 }
 
-/// By how much wrong angles of this standard deviation in rad move a point, as a variance over that of its noise, mean of these points of maps.
-/// Turning all angles together, which changes orientations alike, is no part of it.
+/// Mean squared displacement of points caused by random angle errors of this standard deviation (rad), relative to the
+/// noise variance of the points. A common rotation of all angles, which only offsets all orientations, is excluded.
 pub(crate) fn distorted(points: &[CloudPoint], maps: &StokesMaps, design: &Design, sigma: f64) -> f64 {
     let columns: Vec<_> = design.rows.iter().map(|x| design.inverse * x).collect();
     let of_point = |point: &CloudPoint| {
@@ -187,28 +194,28 @@ pub(crate) fn distorted(points: &[CloudPoint], maps: &StokesMaps, design: &Desig
     sigma * sigma * points.iter().map(of_point).sum::<f64>() / points.len().max(1) as f64
 }
 
-/// What a fit leaves of a set of intensities.
+/// Residual matrix of the fit: identity minus hat matrix.
 fn left_over(design: &Design) -> DMatrix<f64> {
     let n = design.frames();
     DMatrix::from_fn(n, n, |k, l| f64::from(u8::from(k == l)) - design.rows[k].dot(&(design.inverse * design.rows[l])))
 }
 
-/// Combinations of angles that can be told: how much of each there is, in rad, and the variance that it is known to.
+/// Observable combinations of angles: their amplitudes in rad, and the variances of these.
 struct Modes {
     amplitudes: Vec<f64>,
     noise: Vec<f64>,
 }
 
-/// What residuals say about angles, and about the light of the views.
+/// Information of the residuals about angles and about the light of the views.
 struct Evidence {
-    /// Of each view.
+    /// Intensity derivatives of each view.
     directions: Vec<[Vector3<f64>; 2]>,
     left_over: DMatrix<f64>,
     witnesses: Vec<Witness>,
 }
 
 impl Evidence {
-    /// None where the fit leaves nothing.
+    /// `None` if the fit has no residual degrees of freedom.
     fn new(views: &[&[f32]], design: &Design, maps: &StokesMaps) -> Option<Self> {
         if design.freedom() == 0 {
             return None;
@@ -225,7 +232,7 @@ impl Evidence {
         all
     }
 
-    /// The combinations of angles that can be told, as if the light were known.
+    /// The observable combinations of angles for known light.
     fn modes(&self) -> Option<Modes> {
         let all = self.all();
         let eigen = self.curvature(&all, ANGLE, ANGLE).symmetric_eigen();
@@ -241,7 +248,8 @@ impl Evidence {
         let amplitudes: Vec<f64> = vectors.iter().zip(&values).map(amplitude).collect();
         let none = DVector::zeros(self.directions.len());
         let errors = vectors.iter().zip(&amplitudes).fold(none, |sum, (v, a)| sum + v * *a);
-        // Blocks are the witnesses (Huber 1967): what their evidence scatters by holds noise, edges and whatever else.
+        // Variance from independent blocks (Huber 1967): the scatter of their scores includes noise, edges and all
+        // other disturbances.
         let mut noise = vec![0.0; told.len()];
         for witness in &self.witnesses {
             let off = &witness.slopes[ANGLE] - self.curvature(witness, ANGLE, ANGLE) * &errors;
@@ -252,12 +260,13 @@ impl Evidence {
         Some(Modes { amplitudes, noise })
     }
 
-    /// The likeliest further errors of angles and changes of the light, one after the other, with their covariance, where angles were moved by so much already. How large either is comes from the residuals (empirical Bayes, by expectation and maximisation), that of angles from
-    /// what is stated, if anything is.
+    /// Posterior mean and covariance of further angle errors and light changes, in this order, after angles were
+    /// already corrected by `moved`. The prior variances are estimated from the residuals (empirical Bayes, by
+    /// expectation maximisation); the stated variance of angles takes precedence.
     fn likeliest(&self, moved: &DVector<f64>, stated: Option<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let (all, n) = (self.all(), moved.len());
         let (curvature, mut slope) = (self.both(&all), both_slopes(&all));
-        // What cannot be told has no slope but that of rounding.
+        // Unobservable combinations have a score of rounding errors only, which is removed.
         let eigen = curvature.clone().symmetric_eigen();
         let least = EXACT * eigen.eigenvalues.max();
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
@@ -268,7 +277,7 @@ impl Evidence {
         let mut expected = [stated.map_or(AT_FIRST, |s| s * s), AT_FIRST];
         let mut found = DVector::zeros(2 * n);
         let mut covariance = DMatrix::zeros(2 * n, 2 * n);
-        // What noise slopes have is known once most of it is explained.
+        // The noise of the scores is re-estimated once most of the signal is explained.
         for _ in 0..2 {
             let off = |w: &Witness| (both_slopes(w) - self.both(w) * &found).norm_squared();
             let noise = (self.witnesses.iter().map(off).sum::<f64>() / curvature.trace()).max(f64::MIN_POSITIVE);
@@ -296,7 +305,7 @@ impl Evidence {
         Some((found, covariance))
     }
 
-    /// How the slopes of both kinds answer to errors of both.
+    /// Information matrix of both kinds of errors.
     fn both(&self, witness: &Witness) -> DMatrix<f64> {
         let n = self.directions.len();
         let mut both = DMatrix::zeros(2 * n, 2 * n);
@@ -306,7 +315,7 @@ impl Evidence {
         both
     }
 
-    /// How the slopes of one kind answer to errors of another.
+    /// Block of the information matrix between one kind of error and another.
     fn curvature(&self, witness: &Witness, of: usize, to: usize) -> DMatrix<f64> {
         let moved: Vec<_> = self.directions.iter().map(|d| witness.moments * d[to]).collect();
         let n = moved.len();
@@ -314,11 +323,11 @@ impl Evidence {
     }
 }
 
-/// An error of the analyser's angle, and one of the light.
+/// Indices of the two kinds of errors: analyser angle and light.
 const ANGLE: usize = 0;
 const LIGHT: usize = 1;
 
-/// Change of a view's intensity per error of either kind, as a factor of (A, C, S).
+/// Derivative of a view's intensity with respect to either error, as a row vector for (A, C, S).
 fn directions(row: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [Vector3::new(0.0, -2.0 * row[2], 2.0 * row[1]), *row]
 }
@@ -328,11 +337,11 @@ fn both_slopes(witness: &Witness) -> DVector<f64> {
     DVector::from_iterator(angles.len() + lights.len(), angles.iter().chain(lights.iter()).copied())
 }
 
-/// What some pixels say.
+/// Sums over the pixels of a block.
 struct Witness {
     /// Σ of squares and products of A, C and S.
     moments: Matrix3<f64>,
-    /// Σ of residual times the change per error of either kind, per view.
+    /// Score per view: Σ of residual times the derivative with respect to either error.
     slopes: [DVector<f64>; 2],
 }
 
@@ -372,9 +381,9 @@ impl Witness {
 }
 
 impl Sample {
-    /// Errors of the views' angles, and changes of their light; not told where some views were not kept.
+    /// Angle errors of the views, and changes of their light; `None` if some views were not kept.
     pub(crate) fn misses(&self, views: &[View], stated: Option<f64>) -> Option<Misses> {
-        // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
+        // The analysers of a sensor view neighbouring points, and edges would look like angle errors.
         if self.views() != views.len() || views.iter().any(|v| v.block > 1) {
             return None;
         }

@@ -1,21 +1,21 @@
-//! Wrong analyser angles and light that drifts, apart and together, in series of 4 to 24 photographs of varied and uniform scenes: neither is taken
-//! for the other, and nothing is found where nothing is wrong.
+//! Tests with analyser-angle errors and drifting light, separately and together, in series of 4 to 24 photographs of
+//! varied and uniform scenes. Neither is mistaken for the other, and no error is found where there is none.
 
 use super::angle_error::{Misses, estimate};
 use crate::synthetic::{Spread, Synthetic, even_angles, normal};
 use crate::{Design, Fit, StokesMaps};
 use std::f64::consts::PI;
 
-/// Pixels, a multiple of the 64 of a block.
+/// Number of pixels, a multiple of the 64 of a block.
 const PIXELS: usize = 8192;
 
-/// Root mean square of the errors of angles in rad, and of the light.
+/// Root mean square of the angle errors in rad, and of the light changes.
 struct Wrong {
     angles: f64,
     light: f64,
 }
 
-/// Deviates with mean 0 and this root mean square.
+/// Random numbers with mean 0 and this root mean square.
 fn deviates(rms: f64, count: usize, seed: u64) -> Vec<f64> {
     let all: Vec<f64> = (0..count).map(|k| normal(seed, k as u64)).collect();
     let mean = all.iter().sum::<f64>() / count as f64;
@@ -65,7 +65,7 @@ fn wrong_angles_are_not_taken_for_drifting_light() {
         let drift = found.drift();
         println!("{count} {spread:?}: {:?} {:?}", found.is_worth_correcting(), drift);
         assert!(drift.is_none(), "{count} {spread:?}: {found:?}");
-        // Orientations all around determine the angles from eight photographs on.
+        // Orientations over the full range determine the angles from eight photographs on.
         assert!(found.is_worth_correcting() || spread != Spread::Even || count < 8, "{count}: {found:?}");
     }
 }
@@ -83,7 +83,8 @@ fn drifting_light_is_not_taken_for_wrong_angles() {
     }
 }
 
-/// Errors of angles that go with sin 2(ψ - φ) and light that goes with cos 2(ψ - φ) look the same: both are known as well as is claimed, and no better.
+/// Angle errors proportional to sin 2(ψ - φ) and light proportional to cos 2(ψ - φ) cannot be distinguished: the errors
+/// of both match their standard deviations.
 #[test]
 fn wrong_angles_and_drifting_light_are_known_as_well_as_claimed() {
     for count in [8, 12, 24] {

@@ -1,4 +1,5 @@
-//! Photographs stated to be at one analyser angle that show different light: one of the angles is wrong, or something moved.
+//! Detects photographs with the same stated analyser angle but different light: one of the angles is wrong, or
+//! something moved.
 
 use super::sample::{AREA, Sample};
 use crate::angle_difference;
@@ -6,13 +7,14 @@ use crate::fit::views::View;
 use nacre_base::statistics::median;
 use nacre_frames::LoadedFrames;
 
-/// Angles closer than this modulo 180° are one, in degrees.
+/// Largest difference modulo 180° of angles that count as equal, in degrees.
 const SAME_ANGLE_DEG: f64 = 0.05;
 
-/// Least relative difference of block means, in a typical block, that is more than noise: 24 % of noise per pixel makes as much.
+/// Smallest relative difference of block means, in a typical block, that exceeds noise; it would take 24 % of noise per
+/// pixel.
 const DIFFERENT: f64 = 0.03;
 
-/// A warning that names the two photographs that differ most.
+/// Warning that names the two photographs with the largest difference.
 pub(crate) fn contradiction(
     frames: &LoadedFrames,
     brackets: &[Vec<usize>],
@@ -38,7 +40,7 @@ pub(crate) fn contradiction(
     ))
 }
 
-/// Median over blocks of |a - b| / (a + b) of their means, brightness of the whole set equal.
+/// Median over blocks of |a - b| / (a + b) of their means, after normalisation of the total brightness.
 fn difference(first: &[f32], second: &[f32]) -> Option<f64> {
     let mean = |block: &[f32]| block.iter().map(|v| f64::from(*v)).sum::<f64>() / AREA as f64;
     let blocks = first.chunks(AREA).zip(second.chunks(AREA)).map(|(a, b)| [mean(a), mean(b)]);

@@ -1,4 +1,4 @@
-//! Errors of the analyser's angles and shifts between photographs: their estimate and correction.
+//! Analyser-angle errors and shifts between photographs: estimation and correction.
 
 pub(crate) mod aligned;
 pub(crate) mod angle_error;

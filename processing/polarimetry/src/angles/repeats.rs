@@ -1,5 +1,6 @@
-//! Views at angles 180° apart, or at the same one, show the same: their differences are noise, whatever is in view and whatever
-//! the model. They tell how large noise is, and whether σ is what two measurements of one thing differ by.
+//! Noise from repeated views. Views at equal angles, or at angles 180° apart, show the same light, so their differences
+//! are noise, for any scene and model. They calibrate the noise, and test whether σ matches the scatter of repeated
+//! measurements.
 
 use crate::angles::sample::{AREA, Half, SIDE, Sample};
 use crate::fit::noise::line_above;
@@ -12,50 +13,49 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::PI;
 
-/// Angles closer than this modulo 180° are one: goniometers are read to that.
+/// Largest difference modulo 180° of angles that count as equal, in degrees: the reading accuracy of goniometers.
 const SAME_ANGLE_DEG: f64 = 0.05;
 
-/// Fewest angles that were repeated: with three, each half of the series tells an orientation, and noise is seen at all
-/// intensities of the analyser's turn.
+/// Minimum number of repeated angles: with three, each half of the series determines an orientation, and noise is
+/// sampled at all intensities of a turn.
 const FEWEST_ANGLES: usize = 3;
 
-/// Fewest blocks whose scatter tells noise, and blocks of like intensity that are taken together at least.
+/// Minimum number of blocks for a noise estimate, and minimum number of blocks of similar intensity in a group.
 const FEWEST_BLOCKS: usize = 16;
 const GROUPS: usize = 24;
 
-/// A block whose values vary by more than this times what noise explains (as a variance) shows texture, which a turning analyser
-/// moves.
+/// Variance of a block, relative to its noise, above which it counts as textured: a rotating analyser shifts texture.
 const TEXTURED: f64 = 3.0;
 
-/// Reduced χ² outside of this is told.
+/// Range of reduced χ² without a warning.
 const GOOD: std::ops::RangeInclusive<f64> = 0.8..=1.3;
 
-/// Exposures closer than this are one exposure, as a share.
+/// Relative difference of exposures that count as equal.
 const SAME_EXPOSURE: f64 = 1e-6;
 
-/// What repeats tell.
+/// Results from repeated views.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct RepeatsReport {
-    /// Pairs of views at angles equal modulo 180°.
+    /// Number of pairs of views at angles equal modulo 180°.
     pub pairs: usize,
-    /// Brightness of the second view of each pair over that of the first.
+    /// Brightness of the second view of each pair relative to the first.
     pub gain: Vec<f64>,
-    /// Pixels on which both halves of the series were compared; noise is calibrated on others.
+    /// Pixels on which both halves of the series were compared; noise is calibrated on other pixels.
     pub pixels: usize,
-    /// Polarization angle of the second half less that of the first, median over these pixels, in degrees.
+    /// Median over these pixels of the polarization angle of the second half minus that of the first, in degrees.
     pub offset_deg: f64,
     /// Root mean square of that difference, in degrees.
     pub difference_deg: f64,
-    /// What σ of both says it should be.
+    /// Its expected value from the σ of both halves, in degrees.
     pub expected_deg: f64,
-    /// Reduced χ²: the mean of the squared difference over both σ². 1 where σ is right.
+    /// Reduced χ²: the mean squared difference over the sum of both σ²; 1 for a correct σ.
     pub chi2: f64,
-    /// The same from the median, which dust and edges do not move.
+    /// Reduced χ² from the median, which is robust against dust and edges.
     pub chi2_median: f64,
 }
 
 impl RepeatsReport {
-    /// What belongs in front of a user.
+    /// Warning for the user.
     pub fn warning(&self) -> Option<String> {
         let sigma = if self.chi2 > 1.0 { "too small" } else { "too large" };
         (!GOOD.contains(&self.chi2)).then(|| {
@@ -67,7 +67,8 @@ impl RepeatsReport {
     }
 }
 
-/// Numbers of views that repeat each other. Empty unless all photographs have one exposure and at least three angles are repeated.
+/// Pairs of repeated views by index. Empty unless all photographs have the same exposure and at least three angles are
+/// repeated.
 pub(crate) fn pairs(frames: &LoadedFrames, views: &[View], kept: usize) -> Vec<[usize; 2]> {
     let all = &frames.set.frames;
     let alike = |a: f64, b: f64| (a / b - 1.0).abs() < SAME_EXPOSURE;
@@ -95,8 +96,8 @@ fn paired(angles: &[f64]) -> Vec<[usize; 2]> {
     if (0..repeated.len()).filter(first).count() < FEWEST_ANGLES { vec![] } else { pairs }
 }
 
-/// Noise of a view from the differences of repeats, on one half of the sample. Values down to `black` are cut off there and say
-/// nothing; `quantisation` is the variance that rounding to codes adds, which repeats of a quiet camera do not show.
+/// Noise of a view from the differences of repeats, on one half of the sample. Values at or below `black` are clipped
+/// and excluded. `quantisation` is the variance of rounding to codes, which repeats of a quiet camera do not show.
 pub(crate) fn calibrate(sample: &Sample, pairs: &[[usize; 2]], black: f64, quantisation: f64) -> Option<FrameNoise> {
     let mut seen: Vec<Seen> = vec![];
     for [p, q] in pairs {
@@ -115,9 +116,10 @@ pub(crate) fn calibrate(sample: &Sample, pairs: &[[usize; 2]], black: f64, quant
     Some(line_above(&points, quantisation))
 }
 
-/// Variance of values of which repeats differ by `seen`, rounding (`quantisation` = step²/12) included: a quiet camera's repeats are
-/// rounded alike, and do not differ by what they are wrong. Of two values with the same noise, spread over the codes evenly, the
-/// covariance of the rounding errors is a sum over the harmonics of the staircase (Sripad and Snyder 1977).
+/// Noise variance including rounding (`quantisation` = step²/12), from the variance `seen` of repeats. Repeats of a
+/// quiet camera are rounded alike, so their differences do not contain the rounding error. Assume two values with the
+/// same noise, uniformly distributed over the codes. The covariance of their rounding errors is a sum over the
+/// harmonics of the staircase (Sripad and Snyder 1977).
 fn with_rounding(seen: f64, quantisation: f64) -> f64 {
     const HARMONICS: u32 = 32;
     const HALVINGS: u32 = 60;
@@ -129,7 +131,7 @@ fn with_rounding(seen: f64, quantisation: f64) -> f64 {
         };
         step2 / (2.0 * PI * PI) * (1..=HARMONICS).map(harmonic).sum::<f64>()
     };
-    // From three steps on, and without steps, they differ by all of it.
+    // From three steps of noise on, and for unquantised values, the differences contain all of it.
     if seen >= 9.0 * step2 {
         return seen;
     }
@@ -141,7 +143,7 @@ fn with_rounding(seen: f64, quantisation: f64) -> f64 {
     low + quantisation
 }
 
-/// Brightness of the second view over that of the first: the median over the brighter blocks.
+/// Brightness of the second view relative to the first: median over the brighter blocks.
 fn gain(sample: &Sample, first: &[f32], second: &[f32]) -> Option<f64> {
     let sum = |view: &[f32]| view.iter().map(|v| f64::from(*v)).sum::<f64>();
     let blocks = first.chunks(AREA).zip(second.chunks(AREA)).take(sample.view(0).len() / AREA);
@@ -157,7 +159,7 @@ struct Seen {
     level: f64,
     /// Variance of a view, from the difference of both.
     noise: f64,
-    /// The same from their sum, which holds what the block shows as well.
+    /// Variance from the sum of both views, which also contains the texture of the block.
     texture: f64,
 }
 
@@ -184,7 +186,8 @@ impl Seen {
         group.iter().map(|s| s.level).sum::<f64>() / group.len().max(1) as f64
     }
 
-    /// Variance of a group of blocks: the median over those without texture, or over the smoother half where fewer have none.
+    /// Variance of a group of blocks: the median over blocks without texture, or over the smoother half if there are
+    /// fewer of them.
     fn noise(group: &mut [Self]) -> f64 {
         let of = |blocks: &[Self]| median(&mut blocks.iter().map(|s| s.noise).collect::<Vec<_>>()).unwrap_or(0.0);
         let about = of(group);
@@ -197,7 +200,7 @@ impl Seen {
 /// A plane takes three degrees of freedom.
 const FREEDOM: usize = AREA - 3;
 
-/// Variance about the best plane, which is what light that drifts makes of a difference.
+/// Variance about the best-fitting plane, because drifting light adds a plane to the difference.
 fn about_plane(block: &[f64; AREA]) -> f64 {
     let middle = 0.5 * (SIDE - 1) as f64;
     let mut sums = [0.0; 4];
@@ -210,7 +213,8 @@ fn about_plane(block: &[f64; AREA]) -> f64 {
     (square - one * one / AREA as f64 - (x * x + y * y) / across).max(0.0) / FREEDOM as f64
 }
 
-/// Compares the polarization angles of the two halves of a series of repeats, on the pixels that noise was not calibrated on.
+/// Compares the polarization angles of the two halves of a series of repeats, on the pixels that noise was not
+/// calibrated on.
 pub(crate) fn compare_halves(
     sample: &Sample,
     pairs: &[[usize; 2]],
@@ -249,7 +253,7 @@ pub(crate) fn compare_halves(
     })
 }
 
-/// Median of the square of a normal deviate.
+/// Median of χ² with one degree of freedom.
 const MEDIAN_OF_SQUARE: f64 = 0.454_936;
 
 #[cfg(test)]
@@ -257,7 +261,7 @@ mod tests {
     use super::*;
     use crate::synthetic::{normal, uniform};
 
-    /// From repeats that mostly round alike to such that never do: the error about the truth is found to 5 %.
+    /// From repeats that mostly round alike to repeats that never do, the error is found to 5 %.
     #[test]
     fn what_rounding_hides_is_put_back() {
         const N: u64 = 200_000;

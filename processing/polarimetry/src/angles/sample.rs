@@ -1,32 +1,32 @@
-//! A few small blocks of pixels of every view, kept when the photographs are gone: what shows how views scatter about each
-//! other and about their fit needs no more, and memory does not grow with the size of the photographs.
+//! A sample of small pixel blocks of every view, kept after the photographs are discarded. It suffices for the scatter
+//! of views about each other and about their fit, and its memory is independent of the size of the photographs.
 
 use crate::fit::merge::Merge;
 use crate::{Design, Fit, StokesMaps};
 use rayon::prelude::*;
 
-/// Pixels along a block's side.
+/// Side of a block in pixels.
 pub(crate) const SIDE: usize = 8;
 
 /// Pixels of a block.
 pub(crate) const AREA: usize = SIDE * SIDE;
 
-/// Most blocks, and most views that are kept: 4 bytes for each of their pixels, 26 MB in all.
+/// Maximum number of blocks, and of views: at 4 bytes per pixel, 26 MB in total.
 const BLOCKS: usize = 512;
 const VIEWS: usize = 200;
 
-/// Blocks of pixels, evenly over the image.
+/// Blocks of pixels, evenly distributed over the image.
 pub(crate) struct Sample {
-    /// Blocks per row of blocks.
+    /// Number of blocks per row of blocks.
     columns: usize,
-    /// Upper left corners, row by row.
+    /// Upper left corners of the blocks, row by row.
     corners: Vec<[usize; 2]>,
     width: usize,
-    /// Block by block, row by row; NaN where a pixel cannot be used.
+    /// Pixels block by block, row by row; NaN for unusable pixels.
     views: Vec<Vec<f32>>,
 }
 
-/// Every second block, as on a chessboard.
+/// Every second block, in a chessboard pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Half {
     Black,
@@ -34,7 +34,7 @@ pub(crate) enum Half {
 }
 
 impl Sample {
-    /// Of maps of `width` × `height` pixels.
+    /// An empty sample for maps of `width` × `height` pixels.
     pub(crate) fn new(width: usize, height: usize) -> Self {
         let fit = [width / SIDE, height / SIDE];
         let (mut columns, mut rows) = (fit[0], fit[1]);
@@ -55,7 +55,7 @@ impl Sample {
         Self { columns: self.columns, corners: self.corners.clone(), width: self.width, views: vec![] }
     }
 
-    /// Takes in the next view. `row(y, values, bad)` fills in one row as for [`Fit::add`].
+    /// Adds the next view. `row(y, values, bad)` fills in one row as for [`Fit::add`].
     pub(crate) fn add(&mut self, row: impl Fn(usize, &mut [f32], &mut [u8]) + Sync) {
         if self.views.len() == VIEWS {
             return;
@@ -81,7 +81,7 @@ impl Sample {
         self.views.push(view);
     }
 
-    /// Views that were kept.
+    /// Number of stored views.
     pub(crate) fn views(&self) -> usize {
         self.views.len()
     }
@@ -96,13 +96,13 @@ impl Sample {
         self.views.iter().map(Vec::as_slice).collect()
     }
 
-    /// Numbers of the blocks of one half.
+    /// Indices of the blocks of one half.
     pub(crate) fn half(&self, half: Half) -> impl Iterator<Item = usize> + Clone {
         let columns = self.columns;
         (0..self.corners.len()).filter(move |i| ((i % columns + i / columns) % 2 == 1) == (half == Half::White))
     }
 
-    /// Pixel of the maps that pixel `i` of the views is.
+    /// Map index of pixel `i` of the views.
     #[cfg(test)]
     pub(crate) fn pixel(&self, i: usize) -> usize {
         let [x, y] = self.corners[i / AREA];
@@ -114,7 +114,7 @@ impl Sample {
         self.corners.len()
     }
 
-    /// Malus' law through the pixels of these blocks, of some of the views (number and angle in rad).
+    /// Fits Malus' law to the pixels of these blocks, using some of the views (index and angle in rad).
     pub(crate) fn solve(&self, blocks: &[usize], views: &[(usize, f64)], design: &Design) -> StokesMaps {
         let mut fit = Fit::new(blocks.len() * AREA, 1);
         for (k, psi) in views {
@@ -131,7 +131,7 @@ impl Sample {
     }
 }
 
-/// Takes a view into the sample. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
+/// Adds a view to the sample. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
 pub(crate) fn sampled(
     sample: &mut Sample,
     photographs: usize,
@@ -148,7 +148,7 @@ pub(crate) fn sampled(
 mod tests {
     use super::*;
 
-    /// Blocks lie inside the image, apart from each other, and hold the pixels that they say they hold.
+    /// Blocks lie inside the image without overlap, and contain the pixels at their stated positions.
     #[test]
     fn blocks_are_spread_over_the_image() {
         for (width, height) in [(640, 480), (8, 8), (9, 4000), (4000, 9), (100, 100), (7, 100), (2448, 2048)] {

@@ -1,4 +1,4 @@
-//! The request to a solution.
+//! Options of a solution.
 
 use crate::Model;
 use crate::film::stand::{Oblique, Stand};
@@ -8,24 +8,24 @@ use nacre_optics::polarization::Material;
 pub struct Asked {
     /// Model of the points (S1/S0, S2/S0).
     pub model: Model,
-    /// Added to every orientation, in rad.
+    /// Offset added to every orientation, in rad.
     pub offset: f64,
-    /// Where the camera stands, if the photographs say so.
+    /// Camera geometry, if the photographs contain it, and sample material.
     pub stand: Option<(Stand, Material)>,
-    /// Whether what oblique incidence does is taken out.
+    /// Correction of oblique incidence.
     pub oblique: Oblique,
-    /// Standard deviation of the analyser's angles in rad, where it is known.
+    /// Standard deviation of the analyser-angle errors in rad, if known.
     pub angle_sigma: f64,
-    /// Pixels that models are fitted to and compared on.
+    /// Number of pixels for fits and comparison of models.
     pub pixels: usize,
 }
 
 impl Asked {
-    /// This model, and nothing else.
+    /// Default options with this model.
     pub fn of(model: Model) -> Self {
         Self { model, offset: 0.0, stand: None, oblique: Oblique::Off, angle_sigma: 0.0, pixels: CLOUD }
     }
 }
 
-/// Pixels that models are fitted to and compared on.
+/// Default number of pixels for fits and comparison of models.
 pub const CLOUD: usize = 30_000;

@@ -1,6 +1,6 @@
-//! Does the `sinusoid` model explain the data? Under it the points (S1/S0, S2/S0) of all orientations lie on circles
-//! about the origin. A birefringent film moves the circle off centre and bends it (2018 paper, Fig. 15), and the
-//! fitted phase is then no longer the orientation.
+//! Test of the `sinusoid` model. Under it the points (S1/S0, S2/S0) of all orientations lie on circles about the
+//! origin. A birefringent film shifts the circle's centre and deforms it (2018 paper, Fig. 15), and the fitted phase
+//! then differs from the orientation.
 
 use crate::film::cloud::CloudPoint;
 use crate::{OrientationMaps, StokesMaps};
@@ -9,30 +9,30 @@ use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Circle through the cloud of (S1/S0, S2/S0).
+/// Circle fitted to the points (S1/S0, S2/S0).
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct CircleCheck {
-    /// Centre of the best circle; the origin when the model holds.
+    /// Centre of the best circle; the origin if the model holds.
     pub center: [f64; 2],
-    /// Its radius.
+    /// Radius of the circle.
     pub radius: f64,
-    /// Scatter of the points about the circle, relative to the radius: the distance that 80 % stay under, over that of a
-    /// normal deviate, so that edges and scratches do not count but a fifth of the pixels with another period does.
+    /// Scatter of the points about the circle, relative to the radius: the 80 % quantile of the distance over that of a
+    /// normal distribution. It ignores edges and scratches, but not a fifth of the pixels with another period.
     pub spread: f64,
-    /// The scatter that noise alone explains.
+    /// Scatter expected from noise alone.
     pub spread_of_noise: f64,
-    /// Widest gap between the points along the circle, in degrees of orientation. Over 60° the circle is a guess.
+    /// Widest gap between points along the circle, in degrees of orientation. Above 60° the circle is unreliable.
     pub gap_deg: f64,
-    /// Mean error of the orientation that a circle off its centre causes, after the best common offset, in degrees.
-    /// None when the points form no ring, so that there is no centre to speak of.
+    /// Mean orientation error caused by an off-centre circle, after the best common offset, in degrees. `None` if the
+    /// points form no ring, so that the centre is undefined.
     pub bias_deg: Option<f64>,
 }
 
-/// Below this the centre is not distinguishable from the origin in practice, and the sinusoid stands.
+/// Bias in degrees below which the centre is practically at the origin, and the sinusoid is accepted.
 const NEGLIGIBLE_BIAS_DEG: f64 = 0.5;
 
 impl CircleCheck {
-    /// What belongs in front of a user; empty when the sinusoid stands.
+    /// Warnings for the user; empty if the sinusoid is accepted.
     pub fn warnings(&self) -> Vec<String> {
         let Some(bias) = self.bias_deg else {
             return vec![
@@ -67,27 +67,27 @@ impl CircleCheck {
         warnings
     }
 
-    /// Whether `bias_deg` is the whole systematic error: there is a ring, it is seen all around, and it is one.
+    /// Whether `bias_deg` is the whole systematic error: there is a single ring without large gaps.
     pub fn bias_is_known(&self) -> bool {
         self.bias_deg.is_some() && self.gap_deg <= WIDEST_GAP_DEG && !self.mixed()
     }
 
-    /// More scatter than noise explains.
+    /// Whether the scatter exceeds that of noise.
     fn mixed(&self) -> bool {
         self.spread > MIXED_SPREAD.max(3.0 * self.spread_of_noise)
     }
 }
 
-/// With a wider gap in the orientations in view the circle is a guess.
+/// Largest gap in the orientations for which the circle is reliable, in degrees.
 pub(crate) const WIDEST_GAP_DEG: f64 = 60.0;
 
-/// Relative scatter of the modulation beyond which the pixels do not share one grating profile.
+/// Relative scatter of the modulation above which the pixels do not share one grating profile.
 const MIXED_SPREAD: f64 = 0.05;
 
-/// Relative scatter from which the points are a blob and not a ring (a Gaussian blob has about 0.5).
+/// Relative scatter from which the points form a blob instead of a ring (about 0.5 for a Gaussian).
 const NO_RING_SPREAD: f64 = 0.3;
 
-/// Fits the circle to at most 100,000 unmasked pixels; None when fewer than 100 are left.
+/// Fits the circle to at most 100,000 unmasked pixels; `None` for fewer than 100.
 pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCheck> {
     const PIXELS: usize = 100_000;
     let stride = (maps.s0.len() / PIXELS).max(1);
@@ -98,7 +98,7 @@ pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCh
         return None;
     }
     let first = least_squares_circle(&points)?;
-    // A second pass without the points far off (mixed dots, scratches), which pull an algebraic fit.
+    // The second pass excludes outliers (mixed dots, scratches), which bias an algebraic fit.
     let limit = 2.0 * distance_of(0.5, &points, first);
     let near: Vec<_> = points.iter().copied().filter(|p| distance(p, first) <= limit).collect();
     let (center, radius) = least_squares_circle(&near)?;
@@ -111,10 +111,12 @@ pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCh
     Some(CircleCheck { center, radius, spread, spread_of_noise, gap_deg, bias_deg })
 }
 
-/// Root mean square distance of points from their mean, relative to its distance from the origin, below which they lie together.
+/// Ratio of the root mean square distance of points from their mean to the mean's distance from the origin, below which
+/// the points count as concentrated.
 const TOGETHER: f64 = 0.1;
 
-/// Whether points lie together away from the origin, and not on a ring: light of nearly one polarization, which any circle explains.
+/// Whether points are concentrated away from the origin instead of on a ring: light of nearly uniform polarization,
+/// which any circle fits.
 pub(crate) fn lie_together(points: &[CloudPoint]) -> bool {
     let points: Vec<[f64; 2]> = points.iter().map(|p| p.at).collect();
     let n = points.len().max(1) as f64;
@@ -129,7 +131,7 @@ pub(crate) fn lie_together(points: &[CloudPoint]) -> bool {
     square.sqrt() < TOGETHER * mean[0].hypot(mean[1]) && !ring()
 }
 
-/// Centre of the least-squares circle through points, a start for better fits.
+/// Centre of the least-squares circle through points, as a start for other fits.
 pub(crate) fn circle_center(points: &[CloudPoint]) -> Option<[f64; 2]> {
     let points: Vec<[f64; 2]> = points.iter().map(|p| p.at).collect();
     Some(least_squares_circle(&points)?.0)
@@ -154,8 +156,7 @@ fn distance(p: &[f64; 2], (c, r): Circle) -> f64 {
     ((p[0] - c[0]).hypot(p[1] - c[1]) - r).abs()
 }
 
-/// Distance from the circle that this share of the points stays under; never 0, so that a perfect circle keeps its
-/// points.
+/// Quantile of the points' distance from the circle; never 0, so that a perfect circle keeps its points.
 fn distance_of(share: f64, points: &[[f64; 2]], circle: Circle) -> f64 {
     let mut distances: Vec<f64> = points.iter().map(|p| distance(p, circle)).collect();
     quantile(&mut distances, share).unwrap_or(0.0) + 1e-9 * circle.1
@@ -170,7 +171,7 @@ pub(crate) fn gap(points: &[[f64; 2]], center: [f64; 2]) -> f64 {
         count[(turn.rem_euclid(1.0) * SECTORS as f64) as usize % SECTORS] += 1;
     }
     let (mut longest, mut run) = (0, 0);
-    // Twice around, so that a run across the end counts whole.
+    // Two turns, so that a run across the end is counted fully.
     for k in 0..2 * SECTORS {
         run = if count[k % SECTORS] * 1000 < points.len() { run + 1 } else { 0 };
         longest = longest.max(run);
@@ -178,7 +179,8 @@ pub(crate) fn gap(points: &[[f64; 2]], center: [f64; 2]) -> f64 {
     longest.min(SECTORS) as f64 * 180.0 / SECTORS as f64
 }
 
-/// Mean |half angle between a point seen from the origin and from the circle's centre|, after the mean is removed.
+/// Mean absolute half angle between a point's directions from the origin and from the circle's centre, after removal of
+/// the mean.
 fn bias(points: &[[f64; 2]], center: [f64; 2]) -> f64 {
     let errors: Vec<f64> = points
         .iter()
@@ -232,7 +234,7 @@ mod tests {
         assert!(c.bias_deg.unwrap() < 1e-4 && c.spread < 1e-5 && c.warnings().is_empty(), "{c:?}");
     }
 
-    /// A centre off by ε of the radius turns the phase by ε sin, so the orientation by ε/2 · 2/π on average.
+    /// A centre off by ε of the radius changes the phase by ε sin, so the mean orientation error is ε/2 · 2/π.
     #[test]
     fn an_off_centre_circle_states_its_bias() {
         let c = check([0.03, 0.0], 0.3, 1.0);
@@ -243,7 +245,7 @@ mod tests {
 
     #[test]
     fn points_without_a_ring_are_not_judged() {
-        // A filled disc away from the origin: light of one polarization, and noise.
+        // A filled disc away from the origin: uniform polarization with noise.
         let points: Vec<[f64; 2]> = (0..4000)
             .map(|i| {
                 let (r, turn) = (0.02 * (f64::from(i) / 4000.0).sqrt(), 2.4 * f64::from(i));
@@ -254,7 +256,7 @@ mod tests {
         assert!(c.bias_deg.is_none() && c.warnings()[0].contains("no ring"), "{c:?}");
     }
 
-    /// Two rings, as of two periods: no bias, but a warning all the same.
+    /// Two rings, as of two periods, have no bias but cause a warning.
     #[test]
     fn several_periods_are_warned_of() {
         let points: Vec<[f64; 2]> = (0..4000)
@@ -267,7 +269,7 @@ mod tests {
         assert!(!c.bias_is_known() && c.warnings().iter().any(|w| w.contains("several periods")), "{c:?}");
     }
 
-    /// A spot and a streak lie together, a small ring and a long arc do not.
+    /// A spot and a streak are concentrated; a small ring and a long arc are not.
     #[test]
     fn points_that_lie_together_are_told_from_curves() {
         let cloud = |of: &dyn Fn(f64) -> [f64; 2]| -> Vec<CloudPoint> {

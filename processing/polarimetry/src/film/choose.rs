@@ -1,4 +1,4 @@
-//! Chooses the model: the one of most evidence, or the one that was asked for, and how far it may be wrong.
+//! Selects the model, by evidence or by request, and estimates its systematic error.
 
 use crate::angle_difference;
 use crate::film::check::{WIDEST_GAP_DEG, gap, lie_together};
@@ -10,84 +10,85 @@ use nacre_base::statistics::quantile;
 use nalgebra::{Matrix3, Vector3};
 use std::borrow::Cow;
 
-/// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
-/// standard deviations of chance, may be true as well, which is warned of.
+/// Penalised −2 ln likelihood within which a model behind the best remains plausible (10 corresponds to odds of 150 :
+/// 1), and the same limit in standard deviations of the difference. Plausible alternatives cause a warning.
 pub(crate) const UNDECIDED: f64 = 10.0;
 pub(crate) const UNDECIDED_SIGMA: f64 = 2.0;
 
-/// The simplest kind of model that is behind the best by no more than this is taken, and the likeliest of that: as much is left to chance in the
-/// evidence, and most films have no more to them.
+/// Parsimony limit: among all kinds of model, the simplest one within this −2 ln likelihood of the best is selected,
+/// with its best parameters. The evidence is uncertain by this amount, and most films need no more parameters.
 const SIMPLER: f64 = 8.0;
 
-/// Points that scatter farther from every curve than this share of the curve's size, and than twice their noise, form no
-/// curve at all.
+/// Scatter of points about every curve, relative to the curve's size, above which the points form no curve; it must
+/// also exceed twice the noise.
 const NO_CURVE: f64 = 0.15;
 const NO_CURVE_WIDENED: f64 = 4.0;
 
-/// A scatter about the curve of more than twice the noise is something that no model holds, so that its error is unknown.
+/// Scatter variance relative to noise above which no model describes the data, so the model's error is unknown (a
+/// factor of two in the scatter).
 pub(crate) const UNEXPLAINED: f64 = 4.0;
 
-/// Where the scatter is more than this times the noise (as a variance), a model must be likelier than a simpler one by
-/// this much per point.
+/// Scatter variance relative to noise from which a model needs a minimum advantage per point over a simpler one.
 const UNMODELLED_WIDENED: f64 = 1.2;
 const UNMODELLED: f64 = 0.005;
 
-/// What wrong angles make of all points together a model of more parameters may explain: it must be likelier by so many times as much, as five or so
-/// numbers, which the angles' errors come down to, are rarely three times as much as they should be.
+/// Analyser-angle errors distort all points jointly, and a model with more parameters may fit this distortion. Its
+/// advantage must exceed the distortion by this factor: the errors amount to about five degrees of freedom, whose χ² is
+/// rarely three times its expected value.
 const DISTORTED: f64 = 3.0;
 
-/// Fewer points than this tell a film only where they lie on its curve to their noise, and fewer than the others only where they are
-/// far off every circle, too.
+/// Number of points below which films are only considered if points lie on their curve within the noise. Below
+/// [`MIXTURE`] points, they must also be far off every circle. Below the second limit `auto` considers no film.
 const CURVE_POINTS: usize = 5000;
 const FEW_CURVE_POINTS: usize = 1000;
 
-/// How far behind (-2 ln likelihood of a sample) a candidate is left out when the others are compared on all points. In 60 draws
-/// of `choose_tests` the 226 candidates that all points put within 10 of the best were up to 32 behind on a sample, as fewer points
-/// tell less of the orientations in view; 50 would leave out 13 more of all 606.
+/// Limit in −2 ln likelihood, on a sample, beyond which a candidate is excluded from the comparison on all points. In
+/// 60 draws of `choose_tests`, 226 candidates were within 10 of the best on all points. On a sample they were up to 32
+/// behind, as fewer points determine the orientation distribution less well. A limit of 50 would exclude 13 more of all 606.
 const HOPELESS: f64 = 100.0;
 
-/// How much farther along a curve that is taken for a circle points are off than across it: the median of the 146 films drawn in `choose_tests`
-/// that leave a circle by more than their noise (a tenth of them less than 1.8, a tenth more than 11.7).
+/// Ratio of the error along a curve that is taken for a circle to the scatter across it. It is the median over the 146
+/// films drawn in `choose_tests` that leave a circle by more than their noise (10 % quantile 1.8, 90 % quantile 11.7).
 const BENT: f64 = 6.0;
 
-/// With fewer points than this not even a circle is fitted.
+/// Minimum number of points for a circle fit.
 const FEWEST_POINTS: usize = 20;
 
-/// A centred circle that explains the points to this, with a centre that costs less than this in degrees, needs no
-/// other model to compare with.
+/// Limits for accepting a centred circle without a comparison with other models: its scatter variance relative to the
+/// noise, and the orientation change in degrees by a fitted centre.
 const GOOD_WIDENED: f64 = 1.05;
 const GOOD_CENTER_DEG: f64 = 0.02;
 
-/// Share of normal deviates within one standard deviation.
+/// Share of a normal distribution within one standard deviation.
 const ONE_SIGMA: f64 = 0.683;
 
-/// The candidates, and which one it is.
+/// The candidates and the selected one.
 pub(crate) struct Choice {
     pub candidates: Vec<Candidate>,
-    /// Evidence of each, less that of the best: 0 is the likeliest.
+    /// Penalised −2 ln likelihood of each candidate, minus that of the best.
     pub behind: Vec<f64>,
-    /// Standard deviation that its difference from the one that is taken for right has by chance.
+    /// Standard deviation of its difference from the candidate that is assumed to be true.
     pub chance: Vec<f64>,
-    /// Difference of its orientations from those of the chosen one in rad, which 68 % of the points stay under.
+    /// 68 % quantile of the orientation differences from the selected candidate, in rad.
     pub differences: Vec<f64>,
     pub chosen: usize,
-    /// The one that is taken for right: the chosen one, or the likeliest where another one was asked for.
+    /// Index of the candidate assumed to be true: the selected one, or the most likely one if the model was given.
     pub right: usize,
     /// Penalised −2 ln likelihood of the chosen model.
     pub likelihood: f64,
-    /// How much larger than the noise the scatter about the chosen curve is, as a variance.
+    /// Scatter variance about the selected curve, relative to the noise.
     pub widened: f64,
     pub reason: String,
     /// Whether any model explains the points.
     pub explained: bool,
-    /// Error of the orientations that the model may cause, in rad; None when no model explains the points.
+    /// Orientation error in rad that the model may cause; `None` if no model explains the points.
     pub error: Option<f64>,
-    /// The same, or where it is not known, what other models say of it: what σ must hold at least.
+    /// This error or, if it is unknown, the largest difference from other models: a lower bound for σ.
     pub systematic: f64,
 }
 
-/// Chooses among models by points that carry modulation, which wrong angles move by so much together, as a variance over that of their noise; None when
-/// there are fewer than 20.
+/// Selects a model for points with modulation. `distorted` is the variance of the points' displacement by
+/// analyser-angle errors, relative to their noise. `None` for fewer than 20 points.
 pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, distorted: f64) -> Option<Choice> {
     if points.len() < FEWEST_POINTS {
         return None;
@@ -98,7 +99,7 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         candidates.retain(|c| c.model == Model::Sinusoid);
     }
     let enough = wanted != Model::Curve && sinusoid_is_enough(&candidates, points);
-    // Beside a model that was asked for, others only tell how wrong it is: a part of the points does.
+    // If the model is given, the others only determine its error, for which a sample of the points suffices.
     let asked = !matches!(wanted, Model::Auto | Model::Curve);
     let points = &*if asked { Cow::Owned(thinned(points, SAMPLE)) } else { Cow::Borrowed(points) };
     let least = |all: &[Candidate]| all.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
@@ -110,7 +111,7 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
     if !enough && !few && !together {
         let circle = candidates.last()?.curve;
         let all = wanted == Model::Curve || count >= CURVE_POINTS;
-        // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
+        // In a small map the edge pixels are kept, and would be mistaken for metal without a grating.
         let to_their_noise = |c: &Candidate| c.curve.mirror.is_none() && c.widened < UNMODELLED_WIDENED;
         let found = curves(points, &circle, begin);
         candidates.extend(found.into_iter().filter(|c| all || to_their_noise(c)));
@@ -123,7 +124,8 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         all.min_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))
     };
     let best = likeliest(&|_| true)?;
-    // Points that scatter more than their noise are off every model alike, and more parameters find something in that.
+    // Points that scatter more than their noise deviate from every model, and additional parameters would fit that
+    // excess.
     let unmodelled = if widened > UNMODELLED_WIDENED { UNMODELLED } else { 0.0 };
     let unmodelled = unmodelled.max(DISTORTED * distorted) * points.len() as f64;
     let explained = explains(&candidates[best], points);
@@ -141,7 +143,7 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         }
         model => likeliest(&|c| c.model == model)?,
     };
-    // A model that was asked for is as wrong as it differs from the likeliest one, if that is right.
+    // The error of a given model is its difference from the most likely one, if that one explains the points.
     let right = if asked { best } else { chosen };
     let chance: Vec<f64> = each.iter().map(|e| e.chance(&each[right])).collect();
     let behind: Vec<f64> = evidence.iter().map(|e| e - evidence[best]).collect();
@@ -165,40 +167,42 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
 }
 
 impl Choice {
-    /// Finds how wrong the chosen model may be; no more complex others than the one that is right are as likely when they are behind by `unmodelled`.
+    /// Estimates the error of the selected model. Candidates without more parameters than the assumed one count as
+    /// equally likely within `unmodelled`.
     fn doubt(&mut self, points: &[CloudPoint], unmodelled: f64) {
         let Self { candidates, chance, behind, differences, chosen, right, .. } = &*self;
         let all = 0..candidates.len();
         let widened = candidates.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
-        // A circle about another place than the origin is what films make of it to first order, and a polarizer behind a film is what any grating of
-        // ζ 90° looks like behind another one, so that one of these is right, however much more its parameters must be worth.
+        // A circle about another point than the origin is the first-order effect of films, and a polarizer behind a
+        // film looks like any grating of ζ 90° behind another film. One of the films is therefore correct, regardless
+        // of the penalty for its parameters.
         let made_by_films =
             candidates[*right].center.map_or(candidates[*right].extended == POLARIZER.1, |c| c != [0.0; 2]);
         let films = all.clone().filter(|k| made_by_films && k != right && candidates[*k].film.is_some());
         let likeliest_film = films.map(|k| behind[k]).reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
-        // Whatever may be true as well costs its difference as often as it is true.
+        // An alternative contributes its difference, weighted by the root of its probability.
         let of_rival = |k: usize| {
             if k == *right {
                 return differences[k];
             }
             let film = if candidates[k].film.is_some() { likeliest_film } else { f64::NEG_INFINITY };
-            // What no model holds does not speak for one that is behind although it has more parameters.
+            // Unmodelled scatter does not favour a candidate that is behind despite more parameters.
             let simple = candidates[k].parameters <= candidates[*right].parameters;
             let ahead = behind[k] - behind[*right].max(film) - if simple { unmodelled } else { 0.0 };
             let odds = 0.5 * libm::erfc(ahead / chance[k].max(0.5 * UNDECIDED) / std::f64::consts::SQRT_2);
-            // Its parameters may be off as far as the points and what was expected of them leave open.
+            // Uncertainty of the alternative's parameters, from the points and the prior.
             odds.sqrt() * differences[k].hypot(candidates[k].uncertain)
         };
         let rivals = all.clone().map(of_rival).fold(0.0, f64::max);
         let right = &candidates[*right];
-        // What metal without a grating scatters, or reflects at its front, is only right where the points lie on the curve.
+        // The parameters of bare metal (stray light, front reflection) are only valid if the points lie on the curve.
         let limit = if right.curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
         let known = self.explained && right.widened < limit && !right.film.is_some_and(|f| at_limit(&f));
         let error = known.then(|| candidates[*chosen].uncertain.hypot(rivals));
-        // Otherwise, models that do little worse are the only measure.
+        // Otherwise the only estimate is the difference from models of slightly lower likelihood.
         let of_other = |k: usize| differences[k] * (widened / candidates[k].widened).sqrt();
         let guessed = || all.map(of_other).fold(rivals, f64::max);
-        // Of points too few for a curve, what lies across the circle tells of what lies along it.
+        // For too few points for a curve, the error along the circle is estimated from the scatter across it.
         let bent = if candidates.iter().all(|c| c.film.is_none()) && widened > by_chance(points.len()) {
             BENT * (widened - 1.0).sqrt() * typical_sigma(right, points)
         } else {
@@ -209,19 +213,20 @@ impl Choice {
     }
 }
 
-/// Whether a film gives other orientations than a circle about another place than the origin. Such a circle is the first order of two films with
-/// different orientations, which only the films themselves decide between.
+/// Whether a film gives orientations different from those of an off-centre circle. Such a circle is the first-order
+/// approximation of two films with different orientations, which only a fit of both films can distinguish.
 fn contradicts(film: &Candidate, simple: &Candidate, points: &[CloudPoint]) -> bool {
     simple.center.is_some_and(|c| c != [0.0; 2]) && difference(film, simple, points) > typical_sigma(simple, points)
 }
 
-/// What so many points may scatter by about the curve that they come from, as a variance over their noise: by two standard deviations.
+/// Upper limit (two standard deviations) of the scatter variance of `points` points about their true curve, relative to
+/// their noise.
 fn by_chance(points: usize) -> f64 {
     ENOUGH.max(1.0 + 2.0 * (2.0 / points as f64).sqrt())
 }
 
-/// Evidence of each candidate, of the hopeless ones from a part of the points; the other curves are made as likely as
-/// they can be first.
+/// Evidence of each candidate, that of excluded ones from a sample of the points. The likelihood of the other curves is
+/// maximised first.
 fn compare(candidates: &mut Vec<Candidate>, points: &[CloudPoint], widened: f64) -> Vec<Evidence> {
     let few = thinned(points, SAMPLE);
     let least = |all: &[Evidence]| all.iter().map(|e| e.total).fold(f64::INFINITY, f64::min);
@@ -247,7 +252,7 @@ fn compare(candidates: &mut Vec<Candidate>, points: &[CloudPoint], widened: f64)
     hopeful.into_iter().zip(first).map(or_scaled).collect()
 }
 
-/// The candidates, simplest first as before; the likelihood of those that are not hopeless is maximised.
+/// The candidates in the same order, with maximised likelihood unless they are excluded.
 fn made_likeliest(
     pairs: &[(Candidate, Evidence)],
     hopeless: f64,
@@ -264,11 +269,11 @@ fn made_likeliest(
                 done.push((candidate.clone(), before.clone()));
                 continue;
             };
-            // Where the search began, points are as likely as they were.
+            // If the search did not move, the likelihood of the points is unchanged.
             let here = now.curve == candidate.curve;
             let of_now = if here { now.paid(before.terms.clone()) } else { evidence(&now) };
             let now = (now, of_now);
-            // Others of the same parameters may end at nearly the same place.
+            // Different starts with the same parameters may converge to nearly the same curve.
             match done[first..].iter_mut().find(|(c, _)| alike(&c.curve, &now.0.curve)) {
                 Some(known) if known.1.likelihood <= now.1.likelihood => {}
                 Some(known) => *known = now,
@@ -279,7 +284,7 @@ fn made_likeliest(
     done.into_iter().unzip()
 }
 
-/// Whether points lie on a circle to their noise, and all around it.
+/// Whether points lie on a circle within their noise, without large gaps.
 pub(crate) fn is_ring(points: &[CloudPoint]) -> bool {
     if points.len() < MIXTURE || lie_together(points) {
         return false;
@@ -296,18 +301,18 @@ fn typical_sigma(candidate: &Candidate, points: &[CloudPoint]) -> f64 {
     nacre_base::statistics::median(&mut all).unwrap_or(0.0)
 }
 
-/// A circle about the origin explains everything.
+/// Whether a circle about the origin explains the points.
 fn sinusoid_is_enough(simple: &[Candidate], points: &[CloudPoint]) -> bool {
     let of = |model| simple.iter().find(|c| c.model == model);
     let (Some(sinusoid), Some(circle)) = (of(Model::Sinusoid), of(Model::Circle)) else { return false };
     let Some([x, y]) = circle.center else { return false };
-    // The mean of |sin| over the turn, halved: orientations turn by half as much as phases.
+    // The mean of |sin| over a turn, halved, since orientations change by half the phase.
     let cost_deg = (x.hypot(y) / circle.size() / std::f64::consts::PI).to_degrees();
     sinusoid.widened < GOOD_WIDENED && cost_deg < GOOD_CENTER_DEG && ellipse(sinusoid, points) < UNDECIDED
 }
 
-/// How much likelier (-2 ln) an ellipse is than a circle about the origin: a film over a grating of ζ 90° makes one, long before single points are off
-/// the circle by more than their noise.
+/// Advantage in −2 ln likelihood of an ellipse over a circle about the origin. A film over a grating of ζ 90° produces
+/// an ellipse, detectable long before individual points leave the circle by more than their noise.
 fn ellipse(circle: &Candidate, points: &[CloudPoint]) -> f64 {
     let path = Path::new(circle.curve);
     let (mut normal, mut moment) = (Matrix3::zeros(), Vector3::zeros());
@@ -337,12 +342,13 @@ fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
     candidate.widened < NO_CURVE_WIDENED || off < NO_CURVE * candidate.size()
 }
 
-/// Difference of the orientations under two models after the best common offset in rad, which 68 % of the points stay under: it compares with σ.
+/// 68 % quantile of the absolute orientation differences between two models in rad, after the best common offset;
+/// comparable with σ.
 fn difference(a: &Candidate, b: &Candidate, points: &[CloudPoint]) -> f64 {
     difference_of((a, points), (b, points))
 }
 
-/// The same where each model has points of its own.
+/// As [`difference`], with separate points for each model.
 pub(crate) fn difference_of(a: (&Candidate, &[CloudPoint]), b: (&Candidate, &[CloudPoint])) -> f64 {
     let (of_a, of_b) = (Path::new(a.0.curve), Path::new(b.0.curve));
     let step = a.1.len().div_ceil(2000).max(1);

@@ -1,8 +1,10 @@
-//! Classes of pixels that differ by the strength of their modulation: gratings of several periods or depths in one sample.
+//! Classes of pixels that differ in the strength of their modulation: gratings of several periods or depths in one
+//! sample.
 //!
-//! Without a film, the points (S1/S0, S2/S0) of each grating lie on a circle about the origin, whose radius and offset both follow from the
-//! grating's ratio R (2018 paper, Eq. 9). Radii are seen; offsets are gauges, one for each class, that no polarization photograph determines. So the
-//! map holds a relative error between classes, which σ must include. Gratings with equal radii cannot be told apart.
+//! Without a film, the points (S1/S0, S2/S0) of each grating lie on a circle about the origin. Its radius and offset
+//! both follow from the grating's ratio R (2018 paper, Eq. 9). Radii are observable. Offsets are unknown constants, one
+//! per class, which polarization photographs do not determine. The map therefore has a relative error between classes,
+//! which σ must include. Gratings with equal radii cannot be distinguished.
 
 use crate::StokesMaps;
 use crate::film::check::{WIDEST_GAP_DEG, gap};
@@ -12,45 +14,47 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Standard deviation in degrees of the offset between two classes: 68 % of pairs of gratings with ln r from 0 to 0.2 and ζ from 20 to 160°, which
-/// metal gratings of 30 to 100 nm depth have, lie within it where their radii differ by a third.
+/// Standard deviation in degrees of the offset between two classes. It covers 68 % of the pairs of gratings whose radii
+/// differ by a third, for ln r from 0 to 0.2 and ζ from 20 to 160°. Metal gratings of 30 to 100 nm depth have such
+/// values.
 const OFFSET_DEG: f64 = 4.0;
 
 /// Limits of the decision.
 mod limits {
-    /// Least distance between two classes, in standard deviations of ln ρ.
+    /// Minimum distance between two classes, in standard deviations of ln ρ.
     pub const APART: f64 = 4.0;
     /// Largest share of the points between two classes.
     pub const BETWEEN: f64 = 2e-3;
-    /// Least share of the points in a class; smaller groups are edges and dirt.
+    /// Minimum share of the points in a class; smaller groups are edges and dirt.
     pub const SHARE: f64 = 0.03;
-    /// Largest scatter about a class's circle, as a variance over the noise: beyond, a film is the simpler explanation.
+    /// Largest scatter variance about a class's circle, relative to the noise; beyond it, a film is the simpler
+    /// explanation.
     pub const SCATTER: f64 = 1.5;
-    /// Fewest points of all classes.
+    /// Minimum number of points of all classes.
     pub const POINTS: usize = 1000;
 }
 
-/// Gratings that differ by the strength of their modulation.
+/// Gratings that differ in the strength of their modulation.
 #[derive(Clone, Debug)]
 pub(crate) struct Classes {
     /// ln of the modulation at which each class but the first begins.
     bounds: Vec<f64>,
-    /// Weakest modulation first.
+    /// Classes by increasing modulation.
     pub classes: Vec<Class>,
 }
 
 /// One class in the report.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Class {
-    /// Share of the pixels that carry an orientation.
+    /// Share of the pixels with an orientation.
     pub share: f64,
     /// Median degree of linear polarization.
     pub dolp: f64,
-    /// Standard deviation of its offset from the common offset of all pixels, in degrees, which σ includes.
+    /// Standard deviation of its offset relative to the common offset of all pixels, in degrees; included in σ.
     pub offset_sigma_deg: f64,
 }
 
-/// A point's ln of the modulation with its standard deviation.
+/// ln of a point's modulation, with its standard deviation.
 type Strength = (f64, f64);
 
 fn strength(point: &CloudPoint) -> Strength {
@@ -58,8 +62,8 @@ fn strength(point: &CloudPoint) -> Strength {
 }
 
 impl Classes {
-    /// Classes among points that carry modulation; None for a single one, and where classes look like the few orientations of a sample behind a
-    /// film.
+    /// Finds classes among points with modulation. `None` for a single one, and for classes that resemble the few
+    /// orientations of a sample behind a film.
     pub fn find(points: &[CloudPoint]) -> Option<Self> {
         if points.len() < limits::POINTS {
             return None;
@@ -84,7 +88,7 @@ impl Classes {
             .map(|(class, &share)| Class {
                 share,
                 dolp: typical(class).exp(),
-                // Of independent offsets, less the mean of all pixels.
+                // Standard deviation of independent offsets relative to their mean over all pixels.
                 offset_sigma_deg: OFFSET_DEG * (0.5 * (1.0 - 2.0 * share + squares)).max(0.0).sqrt(),
             })
             .collect();
@@ -115,7 +119,7 @@ impl Classes {
         });
     }
 
-    /// What a reader must know.
+    /// Warning for the user.
     pub fn warning(&self) -> String {
         let class = |c: &Class| format!("{:.0} % of the pixels with {:.3}", 100.0 * c.share, c.dolp);
         let list = self.classes.iter().map(class).collect::<Vec<_>>().join(", ");
@@ -131,13 +135,13 @@ fn class_of(bounds: &[f64], point: &CloudPoint) -> usize {
     bounds.iter().filter(|b| strength(point).0 >= **b).count()
 }
 
-/// Ends of groups of rising strengths with next to nothing between them; smaller groups belong to none.
+/// Bounds of groups of increasing strengths, separated by nearly empty gaps; smaller groups belong to no class.
 fn separated(sorted: &[Strength]) -> Vec<(f64, f64)> {
     let noise = median(&mut sorted.iter().map(|s| s.1).collect::<Vec<_>>()).unwrap_or(0.0);
     let count = sorted.len() as f64;
     let between = (limits::BETWEEN * count) as usize;
     let mut groups: Vec<(usize, usize)> = vec![(0, 0)];
-    // A group ends where the next points, without the few that may lie between, are far away.
+    // A group ends where the next points, apart from the few permitted between groups, are far away.
     for i in 0..sorted.len().saturating_sub(between + 1) {
         let far = sorted[i + between + 1].0 - sorted[i].0 > limits::APART * noise;
         let begins = i + between + 1;
@@ -152,7 +156,7 @@ fn separated(sorted: &[Strength]) -> Vec<(f64, f64)> {
     groups.iter().filter(large).map(|g| (sorted[g.0].0, sorted[g.1].0)).collect()
 }
 
-/// Whether points lie on a circle about the origin to their noise, and all around it.
+/// Whether points lie on a circle about the origin within their noise, without large gaps.
 fn is_circle(class: &[CloudPoint]) -> bool {
     let middle = typical(class);
     let off = |p: &CloudPoint| {
@@ -216,7 +220,7 @@ mod tests {
             assert!((weak.share - 0.25).abs() < 0.01 && (strong.share - 0.75).abs() < 0.01, "{found:?}");
             // Eq. 9: |(1 - r², 2r sin ζ)|/(1 + r²).
             assert!((weak.dolp - 0.524).abs() < 0.002 && (strong.dolp - 0.710).abs() < 0.002, "{found:?}");
-            // Less the mean of all, a quarter of the pixels have three quarters of the offset.
+            // Relative to the mean over all pixels, a quarter of the pixels have three quarters of the offset.
             let offset = OFFSET_DEG * std::f64::consts::FRAC_1_SQRT_2;
             let wanted = [0.75, 0.25].map(|other: f64| offset * (2.0 * other * other).sqrt());
             assert!((weak.offset_sigma_deg - wanted[0]).abs() < 0.05, "{found:?} {wanted:?}");
@@ -224,7 +228,8 @@ mod tests {
         }
     }
 
-    /// One grating, films with all or few orientations, and strengths that vary evenly are no classes.
+    /// A single grating, films with many or few orientations, and continuously varying strengths are not divided into
+    /// classes.
     #[test]
     fn films_and_single_gratings_are_not_divided() {
         for spread in [Spread::Even, Spread::Bands(5), Spread::Bands(2)] {
@@ -238,7 +243,8 @@ mod tests {
         }
     }
 
-    /// Gratings drawn as [`OFFSET_DEG`] says: σ holds their unknown offsets, most pixels are within 1σ and hardly any beyond 5σ.
+    /// For gratings drawn as in [`OFFSET_DEG`], σ includes their unknown offsets: most pixels are within 1σ and hardly
+    /// any beyond 5σ.
     #[test]
     fn sigma_holds_the_offset_between_classes() {
         let mut ratios = vec![];
@@ -248,7 +254,7 @@ mod tests {
                 grating(ln_r.exp(), zeta, if seed % 2 == 0 { Spread::Even } else { Spread::Bands(5) })
             };
             let mut series = beside(&draw(1), &draw(3), [4000, 4000], seed);
-            // Equal radii leave nothing to see.
+            // Equal radii cannot be distinguished.
             if classes_of(&series).is_none() {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! The points (S1/S0, S2/S0) of a sample of the pixels, each with its noise: what models are fitted to and compared on.
+//! The points (S1/S0, S2/S0) of a sample of the pixels with their noise, for fits and comparison of models.
 
 use crate::fit::noise::Covariance;
 use crate::{Design, FrameNoise, StokesMaps};
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// A pixel's polarization with its covariance.
 #[derive(Clone, Copy, Debug)]
 pub struct CloudPoint {
-    /// Which pixel of the maps it is.
+    /// Pixel index in the maps.
     pub pixel: usize,
     /// S1/S0 and S2/S0.
     pub at: [f64; 2],
@@ -17,24 +17,24 @@ pub struct CloudPoint {
     pub snr: f64,
 }
 
-/// Points that stand for all of them where a few per cent do: by so many the variance of a scatter is told to √(2/4000), which is 2 %, and what they
-/// are fitted best by is a third as sure as by all 30,000 of a large map, near enough to go on from.
+/// Sample size where a precision of a few per cent suffices. A scatter variance has a relative error of √(2/4000), 2 %.
+/// Fitted parameters have about three times the σ of a fit to all 30,000 points of a large map, sufficient for a start.
 pub const SAMPLE: usize = 4000;
 
-/// Pixels darker than this share of the 99th percentile, or less than so many standard deviations bright, say nothing.
+/// Pixels below this fraction of the 99th percentile, or below this brightness in standard deviations, are ignored.
 const DARK: f32 = 0.01;
 const BRIGHT_SNR: f64 = 10.0;
 
-/// A second difference of so many standard deviations is an edge; chance alone makes 0.4 % of the pixels one.
+/// Second difference in standard deviations that counts as an edge; noise alone exceeds it in 0.4 % of the pixels.
 const JUMP: f64 = 3.5;
 
-/// Edges are left out if at least so many points remain.
+/// Edge pixels are excluded if at least this many points remain.
 const INSIDE: usize = 1000;
 
-/// And their neighbours, if at least so many do.
+/// Their neighbours are also excluded if at least this many points remain.
 const FLAT: usize = 6000;
 
-/// At most `count` pixels, evenly over the image, that are bright enough to have a polarization.
+/// At most `count` pixels, evenly distributed over the image, that are bright enough for a polarization.
 pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: usize) -> Vec<CloudPoint> {
     let covariance = Covariance::new(design, noise, &maps.covariance);
     let stride = stride(maps.s0.len(), count);
@@ -48,17 +48,17 @@ pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: us
     let pixels: Vec<usize> = (0..maps.s0.len()).step_by(stride).filter(usable).collect();
     let points: Vec<CloudPoint> = pixels.par_iter().filter_map(|i| point(maps, &covariance, *i)).collect();
     let inside: Vec<CloudPoint> = points.par_iter().filter(|p| !is_edge(maps, p.pixel, p)).copied().collect();
-    // Where nearly everything is an edge, edges are what there is to look at.
+    // If nearly all pixels are edges, they are kept.
     if inside.len() < INSIDE {
         return points;
     }
-    // Half-way up the ramp that the lens makes of an edge the second difference is nothing, but not beside it.
+    // Halfway up the ramp of a blurred edge the second difference vanishes, but not beside it.
     let flat = inside.par_iter().filter(|p| !beside_edge(maps, &covariance, p.pixel)).copied();
     let flat: Vec<CloudPoint> = flat.collect();
     if flat.len() < FLAT { inside } else { flat }
 }
 
-/// Every n-th point, so that there are at most so many.
+/// A subsample of at most `count` points, equally spaced.
 pub fn thinned(points: &[CloudPoint], count: usize) -> Vec<CloudPoint> {
     points.iter().step_by(points.len().div_ceil(count).max(1)).copied().collect()
 }
@@ -70,8 +70,8 @@ fn beside_edge(maps: &StokesMaps, covariance: &Covariance, i: usize) -> bool {
     [i.wrapping_sub(1), i + 1, i.wrapping_sub(width), i + width].into_iter().any(edge)
 }
 
-/// Whether the polarization jumps at this pixel, so that the lens mixes two surfaces in it: its second difference along the row
-/// or the column is more than noise.
+/// Whether the polarization has an edge at this pixel, where the lens mixes two surfaces: its second difference along
+/// the row or the column exceeds noise.
 fn is_edge(maps: &StokesMaps, i: usize, here: &CloudPoint) -> bool {
     let (width, height) = (maps.width, maps.height);
     let (x, y) = (i % width, i / width);
@@ -80,16 +80,16 @@ fn is_edge(maps: &StokesMaps, i: usize, here: &CloudPoint) -> bool {
     let jumps = |before: usize, after: usize| {
         let (p, q) = (ratios(before), ratios(after));
         let [dx, dy] = [0, 1].map(|k| p[k] - 2.0 * here.at[k] + q[k]);
-        // Of the second difference the variance is six times that of a pixel.
+        // The variance of the second difference is six times that of a pixel.
         let square = (wa * dx * dx + 2.0 * wb * dx * dy + wc * dy * dy) / 6.0;
-        // A dark neighbour, or a saturated one, has no polarization and is an edge as well.
+        // A dark or saturated neighbour has no polarization and also counts as an edge.
         square.is_nan() || square > JUMP * JUMP
     };
     let inner = x > 0 && x + 1 < width && y > 0 && y + 1 < height;
     inner && (jumps(i - 1, i + 1) || jumps(i - width, i + width))
 }
 
-/// Steps that meet all columns and rows even where the image's width divides them.
+/// Sampling step that visits all columns and rows even if it divides the image's width.
 fn stride(pixels: usize, count: usize) -> usize {
     let step = pixels.div_ceil(count.max(1)).max(1);
     if step > 2 && step.is_multiple_of(2) { step + 1 } else { step }
@@ -107,7 +107,7 @@ fn point(maps: &StokesMaps, covariance: &Covariance, i: usize) -> Option<CloudPo
 }
 
 impl CloudPoint {
-    /// The point with its variances multiplied.
+    /// The point with its variances multiplied by `factor`.
     pub fn with_noise(&self, factor: f64) -> Self {
         Self { covariance: self.covariance.map(|v| v * factor), ..*self }
     }

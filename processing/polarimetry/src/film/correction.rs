@@ -1,4 +1,4 @@
-//! Takes out of the points (S1/S0, S2/S0) what oblique incidence does to them, so that one curve holds for all pixels.
+//! Corrects the points (S1/S0, S2/S0) for oblique incidence, so that one curve holds for all pixels.
 
 use crate::film::asked::Asked;
 use crate::film::choose::{Choice, choose, difference_of};
@@ -14,22 +14,23 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::PI;
 
-/// What was done about oblique incidence.
+/// Report of the oblique-incidence correction.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ObliqueReport {
     /// Largest angle of incidence in the photographs, in degrees.
     pub largest_deg: f64,
-    /// It was asked to take its effect out.
+    /// Whether the correction was requested.
     pub asked: bool,
-    /// Its effect was taken out.
+    /// Whether the correction was applied.
     pub corrected: bool,
-    /// What it still makes a typical orientation wrong by, in degrees: part of the model's error.
+    /// Remaining error of a typical orientation in degrees; part of the model's error.
     pub left_deg: f64,
-    /// Material that was assumed.
+    /// Assumed material.
     pub material: Material,
-    /// Scatter of the points about the curve over their noise, without and with the correction; none where none was tried.
+    /// Scatter of the points about the curve relative to their noise, without and with the correction; `None` if it was
+    /// not tried.
     pub scatter: Option<[f64; 2]>,
-    /// How much likelier the points that models are compared on are with the correction, in -2 ln likelihood.
+    /// Decrease of −2 ln likelihood by the correction, on the points used for model comparison.
     pub gain: Option<f64>,
 }
 
@@ -46,7 +47,7 @@ impl ObliqueReport {
         }
     }
 
-    /// What belongs in front of a user.
+    /// Warning for the user.
     pub fn warning(&self) -> Option<String> {
         let most = FIRST_ORDER.sqrt().asin().to_degrees();
         let remedy = if self.largest_deg > most {
@@ -65,42 +66,43 @@ impl ObliqueReport {
     }
 }
 
-/// Orientations that are off by less than this in degrees need no word.
+/// Orientation error in degrees below which no warning is issued.
 const WORTH_A_WORD_DEG: f64 = 0.1;
 
-/// A correction of less than this, in standard deviations of a pixel, is not worth a thought.
+/// Correction, in standard deviations of a pixel, below which it is skipped.
 const MATTERS: f64 = 0.1;
 
-/// sin² of the largest angle of incidence (25°) up to which the effect is taken out: farther from the normal what is of higher
-/// order is as large as what is to be found, and a film that is not there takes it up (`nacre chart stress-oblique`).
+/// Largest sin² of the angle of incidence (25°) for the correction. At larger angles, higher-order terms are as large
+/// as the signal, and a fit would attribute them to a non-existent film (`nacre chart stress-oblique`).
 const FIRST_ORDER: f64 = 0.18;
 
-/// Points that are looked at to find out.
+/// Number of points that decide on the correction.
 const LOOKED_AT: usize = 6000;
 
-/// What a unit of [`Stand::at`] moves a point by: constant, with cos 2φ and with sin 2φ.
+/// Displacement of a point per unit of [`Stand::at`]: constant, cos 2φ and sin 2φ terms.
 type Moves = [[f32; 2]; 3];
 
-/// The effect of oblique incidence on a film: to first order in sin² of the angle.
+/// Correction of oblique incidence for a film, to first order in sin² of the angle.
 pub(crate) struct Correction {
     stand: Stand,
-    /// Leads from a point to its place on the curve at normal incidence.
+    /// Maps a point to its position on the curve at normal incidence.
     table: Table,
-    /// Of places along the curve.
+    /// Displacements at positions along the curve.
     moves: Vec<Moves>,
-    /// Where metal without a grating is at normal incidence, and how it is moved.
+    /// Position of bare metal at normal incidence, and its displacement.
     mirror: ([f32; 2], Moves),
 }
 
-/// Places along the curve.
+/// Number of positions along the curve.
 const PLACES: usize = 256;
 
-/// Points that are nearer to the mirror than this, in squared standard deviations, are moved as it is.
+/// Squared distance to the position of bare metal, in squared standard deviations, within which points get its
+/// displacement.
 const MIRROR: f32 = 16.0;
 
 impl Correction {
     fn new(stand: Stand, material: &Material, film: &Film) -> Self {
-        // Differences at a typical angle, so that what is of higher order is right on average.
+        // Finite differences at a typical angle, so that higher-order terms are correct on average.
         let sin2 = (0.5 * stand.largest_sin2).max(1e-6);
         let at = |sin2: f64, phi: f64| curve_at(film, &Incidence::new(material, sin2, phi));
         let (straight, curves) = (at(0.0, 0.0), AZIMUTHS.map(|phi| at(sin2, phi)));
@@ -118,7 +120,7 @@ impl Correction {
         }
     }
 
-    /// The point as it was at normal incidence.
+    /// The point as it would be at normal incidence.
     #[inline]
     pub fn straightened(&self, pixel: usize, at: [f32; 2], variance: [f32; 3]) -> [f32; 2] {
         let place = self.stand.at(pixel);
@@ -131,7 +133,7 @@ impl Correction {
             return straight;
         }
         let mut straight = at;
-        // What it was moved by depends on where it was.
+        // The displacement depends on the corrected position, so it is iterated.
         for _ in 0..2 {
             let theta = self.table.theta(straight, variance);
             let k = (theta * (PLACES as f32 / std::f32::consts::PI) + 0.5).rem_euclid(PLACES as f32) as usize;
@@ -140,7 +142,7 @@ impl Correction {
         straight
     }
 
-    /// By how much points are moved, root mean square, in standard deviations.
+    /// Root mean square displacement of points, in standard deviations.
     fn moves_by(&self, points: &[CloudPoint]) -> f64 {
         let square = |p: &CloudPoint| {
             let straight = self.straightened(p.pixel, p.at.map(|v| v as f32), p.covariance.map(|v| v as f32));
@@ -150,8 +152,9 @@ impl Correction {
         (points.iter().map(square).sum::<f64>() / points.len().max(1) as f64).sqrt()
     }
 
-    /// By how much the chosen model's orientations differ from those of the same model fitted to straightened points, in rad: what oblique incidence
-    /// makes them wrong by. Before it the scatter of these about it, as a variance over their noise.
+    /// Effect of the correction on the selected model. The first value is the scatter variance of corrected points
+    /// about the refitted model, relative to their noise. The second is the orientation difference in rad between the
+    /// selected model and the refitted one: the error caused by oblique incidence.
     fn turns(&self, choice: &Choice, points: &[CloudPoint]) -> Option<(f64, f64)> {
         let (chosen, straight) = (&choice.candidates[choice.chosen], self.straighten(points));
         let straightened = refitted(chosen, &straight)?;
@@ -167,10 +170,10 @@ impl Correction {
     }
 }
 
-/// Azimuths at which the effect is computed.
+/// Azimuths of the finite differences.
 const AZIMUTHS: [f64; 3] = [0.0, PI / 3.0, 2.0 * PI / 3.0];
 
-/// Displacements per sin² of the angle of incidence, from where a point is at the normal and at the azimuths.
+/// Displacements per sin² of the angle of incidence, from the point at normal incidence and at the azimuths.
 fn moves(from: [f64; 2], at: [[f64; 2]; 3], sin2: f64) -> Moves {
     let weights = [
         AZIMUTHS.map(|_| 1.0 / 3.0),
@@ -180,27 +183,27 @@ fn moves(from: [f64; 2], at: [[f64; 2]; 3], sin2: f64) -> Moves {
     weights.map(|w| [0, 1].map(|i| (0..3).map(|k| w[k] * (at[k][i] - from[i])).sum::<f64>() / sin2).map(|v| v as f32))
 }
 
-/// The choice of a model, and the correction it was made with.
+/// The selected model, and the correction applied before its selection.
 pub(crate) struct Corrected {
     pub choice: Choice,
     pub correction: Option<Correction>,
     pub report: Option<ObliqueReport>,
 }
 
-/// Chooses a model, with oblique incidence taken out where that is asked for and the points are likelier then. What is left of its effect goes
-/// into the model's error.
+/// Selects a model. The correction of oblique incidence is applied if requested and if it increases the likelihood. Its
+/// remaining effect is added to the model's error.
 pub(crate) fn choose_corrected(points: &[CloudPoint], asked: &Asked, distorted: f64) -> Option<Corrected> {
     let plain = choose(points, asked.model, Begin::Anywhere, distorted)?;
     let Some((stand, material)) = asked.stand else {
         return Some(Corrected { choice: plain, correction: None, report: None });
     };
-    // No fewer than tell a film.
+    // At least as many as needed to detect a film.
     let few: Vec<CloudPoint> = points.iter().step_by((points.len() / LOOKED_AT).max(1)).copied().collect();
-    // The same circle has two explanations: what the grating does to the mirror's light, or what the mirror does to the grating's.
+    // A circle has two explanations: either of the two terms of the field (grating or mirror) may be the larger one.
     let guesses = plain.candidates[plain.right].film.into_iter().chain(circles(&plain));
     let corrections: Vec<Correction> =
         guesses.map(|film| Correction::new(stand, &material, &film)).filter(|c| c.moves_by(&few) > MATTERS).collect();
-    // Of the explanations the one under which straightened points scatter least.
+    // Of these explanations, the one with the smallest scatter of corrected points.
     let turned = corrections.iter().filter_map(|c| c.turns(&plain, &few));
     let left = turned.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, turn)| turn);
     let mut report = ObliqueReport::new(&stand, material, asked.oblique);
@@ -214,7 +217,7 @@ pub(crate) fn choose_corrected(points: &[CloudPoint], asked: &Asked, distorted: 
         (report.scatter, report.gain) = (Some([plain.scatter(), choice.scatter()]), Some(gain));
         found = report.corrected.then_some((choice, correction));
     }
-    // Of what is taken out to first order, the second is left.
+    // After a first-order correction, the second-order effect remains.
     let left = left * if report.corrected { stand.largest_sin2 } else { 1.0 };
     report.left_deg = left.to_degrees();
     let (mut choice, correction) = found.map_or((plain, None), |(choice, correction)| (choice, Some(correction)));
@@ -223,7 +226,7 @@ pub(crate) fn choose_corrected(points: &[CloudPoint], asked: &Asked, distorted: 
     Some(Corrected { choice, correction, report: Some(report) })
 }
 
-/// The choice among models of points whose oblique incidence is taken out, and the correction that does.
+/// The selected model for corrected points, and the correction.
 fn taken_out(
     points: &[CloudPoint],
     few: &[CloudPoint],
@@ -236,14 +239,14 @@ fn taken_out(
     let films = plain.films();
     let tried = corrections.into_iter().filter_map(|c| Some((at(&c.straighten(few), &films)?.likelihood, c)));
     let (_, first) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // With that taken out the film is found, and with the film what is to be taken out.
+    // The corrected points determine the film, which in turn determines the final correction.
     let found = choose(&first.straighten(few), asked.model, Begin::Anywhere, distorted)?;
     let film = found.candidates[found.chosen].film;
     let correction = film.map_or(first, |film| Correction::new(stand, &material, &film));
     Some((at(&correction.straighten(points), &found.films())?, correction))
 }
 
-/// Gratings without a film whose circle has the size of the fitted one: |a| > |b|, as embossed metal has it, and the other.
+/// Gratings without a film whose circle has the fitted size: |a| > |b|, as for embossed metal, and the opposite.
 fn circles(choice: &Choice) -> Vec<Film> {
     let circle = choice.candidates.iter().find(|c| c.model == Model::Circle);
     let Some(radius) = circle.map(|c| c.size().clamp(1e-3, 0.999)) else { return vec![] };
@@ -266,9 +269,9 @@ mod tests {
     use crate::synthetic::{normal, uniform};
     use nacre_frames::Distances;
 
-    /// Points of the exact curves, at every angle of incidence in view, come back to the curve at normal incidence: what is of
-    /// higher order than the first in sin² costs less than 0.15° of orientation at 15°, where oblique incidence itself costs
-    /// several.
+    /// Points of the exact curves, at every angle of incidence in view, return to the curve at normal incidence.
+    /// Higher-order terms in sin² cost less than 0.15° of orientation at 15°, where oblique incidence itself costs
+    /// several degrees.
     #[test]
     fn points_come_back_to_normal_incidence() {
         let film = Film { ln_r: 0.05, zeta: 2.9, retardance: 0.17, axis: 0.4, ..Film::NONE };
@@ -295,8 +298,9 @@ mod tests {
         assert!(with < 0.15 && without > 10.0 * with, "{without} {with}");
     }
 
-    /// What is left of oblique incidence is what orientations are off by beside noise, to a factor of 1.5: 0.72 to 0.79 of it were measured, 0.8 of which
-    /// is what a mean, which is told, is of a root mean square.
+    /// The reported remaining effect of oblique incidence matches the actual orientation errors beyond noise, within a
+    /// factor of 1.5. Measured ratios: 0.72 to 0.79; a factor of 0.8 is that of the reported mean to a root mean
+    /// square.
     #[test]
     fn what_is_left_is_told() {
         let film = Film { ln_r: 0.05, zeta: 2.9, retardance: 0.17, axis: 0.4, ..Film::NONE };

@@ -1,14 +1,15 @@
-//! The closed curve on which the points (S1/S0, S2/S0) of all orientations lie (2018 paper, Fig. 15).
+//! The closed curve of the points (S1/S0, S2/S0) over all orientations (2018 paper, Fig. 15).
 //!
 //! With `R` the grating's ratio, `B` the film and `e` the light, the field behind the film is
-//! `E = (a B² + f) e + b B H(2θ) B e` with `a = (R-1)/2`, `b = -(1+R)/2`, f the front reflection and `H(2θ)` a reflection
-//! (from Eq. 4-6). So every Stokes parameter is a trigonometric polynomial in 2θ and 4θ: fifteen numbers are the curve.
+//! `E = (a B² + f) e + b B H(2θ) B e`. Here `a = (R-1)/2`, `b = -(1+R)/2`, f is the front reflection and `H(2θ)` a
+//! reflection (from Eq. 4-6). Every Stokes parameter is therefore a trigonometric polynomial in 2θ and 4θ, and fifteen
+//! coefficients define the curve.
 
 use crate::{Jones, JonesVector};
 use num_complex::Complex;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
-/// What shapes the curve: the 2018 paper's parameters, and what it leaves out.
+/// Parameters of the curve: those of the 2018 paper, and effects that it neglects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Film {
     /// Natural logarithm of r = |R|.
@@ -17,16 +18,16 @@ pub struct Film {
     pub zeta: f64,
     /// Retardance of the film in rad (Δn of Eq. 6).
     pub retardance: f64,
-    /// Azimuth of the film's axis in rad, which Eq. 6 takes for 0.
+    /// Azimuth of the film's axis in rad, which is 0 in Eq. 6.
     pub axis: f64,
-    /// Reflection at the film's front (r_p of Eq. 4, here with the phase that the film's thickness gives it).
+    /// Reflection at the film's front (r_p of Eq. 4), with the phase caused by the film's thickness.
     pub front: Complex<f64>,
-    /// How much more than a quarter wave the retarder in front of the panel delays, in rad.
+    /// Excess retardance of the display's quarter-wave retarder in rad.
     pub source_error: f64,
-    /// Share of the light that has no polarization: from around the bench, or scattered. It draws all points to the origin.
+    /// Share of unpolarised stray light, which draws all points towards the origin.
     pub stray: f64,
-    /// By what share the front reflection is less, relative to the light from below, over metal without a grating: a grating
-    /// sends part of its light into other orders.
+    /// Relative decrease of the front reflection, compared with the light from below, over metal without a grating: a
+    /// grating diffracts part of its light into other orders.
     pub shade: f64,
 }
 
@@ -57,12 +58,13 @@ impl Film {
         Self { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, stray, shade }
     }
 
-    /// The same film with ζ from 0 to 180°, the retardance positive and the axis from 0 to 180°, using the gauge
-    /// (r, ζ) = (1/r, -ζ), under which the front reflection is seen relative to the other polarization.
+    /// The equivalent film with ζ from 0 to 180°, a positive retardance and an axis from 0 to 180°. It uses the
+    /// equivalence (r, ζ) = (1/r, -ζ), under which the front reflection refers to the other polarization.
     pub fn canonical(&self) -> Self {
         let mut film = *self;
         if film.retardance < 0.0 {
-            // The other axis is the slow one; what both delay is not seen but against the front reflection.
+            // The slow and fast axes are exchanged. Their common phase is only visible relative to the front
+            // reflection.
             let phase = Complex::from_polar(1.0, -2.0 * film.retardance);
             (film.retardance, film.axis, film.front) = (-film.retardance, film.axis + FRAC_PI_2, film.front * phase);
         }
@@ -75,7 +77,7 @@ impl Film {
         film
     }
 
-    /// `1`, `a = (R-1)/2` and `b = -(1+R)/2`, all divided by 1 + r, so that no r overflows: the points are ratios.
+    /// `1`, `a = (R-1)/2` and `b = -(1+R)/2`, all divided by 1 + r to avoid overflow; the points are ratios.
     pub(crate) fn amplitudes(&self) -> (f64, Complex<f64>, Complex<f64>) {
         let (small, large) = (1.0 / (1.0 + self.ln_r.exp()), 1.0 / (1.0 + (-self.ln_r).exp()));
         let ratio = Complex::from_polar(large, self.zeta);
@@ -95,7 +97,7 @@ impl Film {
         Curve::of_field(constant, cos, sin).with_stray(self.stray)
     }
 
-    /// The same with the point of metal without a grating under the same film, which acts as R = -1.
+    /// The curve with the point of metal without a grating under the same film, which corresponds to R = -1.
     pub fn curve_and_mirror(&self) -> Curve {
         let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + self.source_error).apply(JonesVector::linear(0.0));
         let film = Jones::retarder(self.axis, self.retardance);
@@ -104,23 +106,24 @@ impl Film {
         self.curve().with_mirror(back, self.stray_over_mirrors())
     }
 
-    /// Share of stray light over metal without a grating, which reflects more: amplitudes are as their front reflections.
+    /// Share of stray light over metal without a grating, which reflects more: amplitudes scale as their front
+    /// reflections.
     pub(crate) fn stray_over_mirrors(&self) -> f64 {
         self.stray * (1.0 - self.shade).powi(2)
     }
 }
 
-/// A closed curve in the plane of (S1/S0, S2/S0), run through once by θ from 0 to π.
+/// A closed curve in the plane of (S1/S0, S2/S0), traversed once for θ from 0 to π.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Curve {
     /// Coefficients of 1, cos 2θ, sin 2θ, cos 4θ and sin 4θ in S0, S1 and S2.
     stokes: [[f64; 5]; 3],
-    /// Where metal without a grating lies, if there is any in view.
+    /// Point of metal without a grating, if there is any in view.
     pub mirror: Option<[f64; 2]>,
 }
 
 impl Curve {
-    /// The circle that orientations run along without a film, or nearly without.
+    /// The circle of orientations without a film, or nearly without.
     pub fn circle(center: [f64; 2], radius: f64) -> Self {
         Self {
             stokes: [[1.0, 0.0, 0.0, 0.0, 0.0], [center[0], radius, 0.0, 0.0, 0.0], [center[1], 0.0, radius, 0.0, 0.0]],
@@ -128,20 +131,20 @@ impl Curve {
         }
     }
 
-    /// The same with the field of metal without a grating, and this share of stray light there.
+    /// Adds the field of metal without a grating, with this share of stray light there.
     pub(crate) fn with_mirror(self, field: JonesVector, stray: f64) -> Self {
         let s = field.stokes();
         Self { mirror: Some([s.s1, s.s2].map(|v| v / s.s0 * (1.0 - stray))), ..self }
     }
 
-    /// The same with this share of light without polarization.
+    /// Adds a share of unpolarised light.
     pub(crate) fn with_stray(self, share: f64) -> Self {
         let [s0, s1, s2] = self.stokes;
         let less = |row: [f64; 5]| row.map(|v| v * (1.0 - share));
         Self { stokes: [s0, less(s1), less(s2)], ..self }
     }
 
-    /// Of the field `u + v cos 2θ + w sin 2θ`.
+    /// The curve of the field `u + v cos 2θ + w sin 2θ`.
     pub(crate) fn of_field(u: JonesVector, v: JonesVector, w: JonesVector) -> Self {
         let (uu, vv, ww) = (product(u, u), product(v, v), product(w, w));
         let (uv, uw, vw) = (product(u, v), product(u, w), product(v, w));
@@ -171,20 +174,20 @@ impl Curve {
         self.with_tangent(theta).0
     }
 
-    /// The point of orientation `theta` (rad) and how it moves with it.
+    /// The point of orientation `theta` (rad) and its derivative.
     #[inline]
     pub fn with_tangent(&self, theta: f64) -> ([f64; 2], [f64; 2]) {
         self.at_turn((2.0 * theta).sin_cos())
     }
 
-    /// The same, given sine and cosine of 2θ.
+    /// The point and its derivative, from sine and cosine of 2θ.
     #[inline(always)]
     pub(crate) fn at_turn(&self, turn: (f64, f64)) -> ([f64; 2], [f64; 2]) {
         let (at, tangent, _) = self.bent_at_turn(turn);
         (at, tangent)
     }
 
-    /// The same and the second derivative.
+    /// The point with its first and second derivative.
     #[inline(always)]
     pub(crate) fn bent_at_turn(&self, (s, c): (f64, f64)) -> ([f64; 2], [f64; 2], [f64; 2]) {
         let (s2, c2) = (2.0 * s * c, c * c - s * s);
@@ -194,7 +197,7 @@ impl Curve {
         let [s0, s1, s2] = self.stokes.each_ref().map(value);
         let [d0, d1, d2] = self.stokes.each_ref().map(slope);
         let [e0, e1, e2] = self.stokes.each_ref().map(bend);
-        // One division, which takes as long as many products.
+        // A single division, which takes as long as many products.
         let one = 1.0 / s0;
         let (x, y) = (s1 * one, s2 * one);
         let (dx, dy) = ((d1 - x * d0) * one, (d2 - y * d0) * one);
@@ -216,7 +219,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The polynomial is the Jones calculus it was derived from, and the tangent its derivative.
+        /// The polynomial equals the Jones calculus, and the tangent its derivative.
         #[test]
         fn the_curve_is_the_jones_calculus(
             ln_r in -9.0..9.0f64, zeta in -3.1..3.1f64, retardance in 0.0..1.5f64, axis in 0.0..3.1f64,
@@ -246,7 +249,7 @@ mod tests {
             }
         }
 
-        /// The gauge: the same curve for (1/r, -ζ), with all orientations turned by 90°.
+        /// Equivalence: the curve of (1/r, -ζ) is the same, with all orientations rotated by 90°.
         #[test]
         fn the_inverse_ratio_is_turned_by_90_degrees(ln_r in -1.0..1.0f64, zeta in -3.1..3.1f64, retardance in 0.0..0.5f64,
             axis in 0.0..3.1f64, theta in 0.0..3.1f64) {
@@ -256,7 +259,7 @@ mod tests {
             prop_assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9);
         }
 
-        /// What is reported is the film that was fitted.
+        /// The reported film has the curve of the fitted one.
         #[test]
         fn the_canonical_film_has_the_same_curve(ln_r in -1.0..1.0f64, zeta in -9.0..9.0f64, retardance in -0.5..0.5f64,
             axis in -3.1..9.1f64, re in -0.3..0.3f64, im in -0.3..0.3f64, theta in 0.0..3.1f64) {

@@ -1,5 +1,5 @@
-//! Fits a closed curve to a cloud of points, by the distance of each point to the nearest place of the curve in units of
-//! its noise, robustly (Levenberg and Marquardt with Cauchy's weights).
+//! Fits a closed curve to points. The residual is the distance of a point to the nearest point of the curve, in units
+//! of its noise, with a robust cost (Levenberg and Marquardt with Cauchy weights).
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
@@ -11,29 +11,29 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// A step that makes the points so little likelier is the last, one that is expected to is not made: -2 ln likelihood, in which 1 is one
-/// standard deviation.
+/// Decrease of −2 ln likelihood below which the search ends; a step with a smaller expected decrease is skipped (1
+/// corresponds to one standard deviation).
 const CONVERGED: f64 = 0.01;
 
 /// Damping of the fit.
 const DAMPING: Damping = Damping { first: 1e-3, down: 0.2, least: 1e-9, up: 6.0, most: 1e9 };
 
-/// What [`mean cost`](Fitted::cost) is when the points lie on the curve to their noise: `E[9 ln(1 + z²/9)]`.
+/// Expected [mean cost](Fitted::cost) of points on the curve with their noise: `E[9 ln(1 + z²/9)]`.
 pub const COST_OF_NOISE: f64 = 0.8735;
 
-/// What is expected of a parameter.
+/// Prior distribution of a parameter.
 #[derive(Clone, Copy)]
 pub enum Expected {
-    /// It is an angle, and may have any value.
+    /// Flat: an angle with any value.
     Anything,
-    /// It is about 0, with this standard deviation: more is hardly ever met.
+    /// Normal about 0, with this standard deviation.
     Near(f64),
-    /// Half the time it is nearer to 0 than this, and it may be far off (Cauchy's distribution).
+    /// Cauchy about 0: half of the values are within this distance, and outliers are possible.
     Mostly(f64),
 }
 
 impl Expected {
-    /// -2 ln likelihood of a value, but for a constant.
+    /// −2 ln prior of a value, up to a constant.
     fn cost(self, value: f64) -> f64 {
         match self {
             Self::Anything => 0.0,
@@ -42,7 +42,7 @@ impl Expected {
         }
     }
 
-    /// How strongly a value is drawn to 0: the inverse of a variance.
+    /// Prior information at a value: the inverse of a variance.
     pub(crate) fn pull(self, value: f64) -> f64 {
         match self {
             Self::Anything => 0.0,
@@ -51,7 +51,7 @@ impl Expected {
         }
     }
 
-    /// How far values are apart: those of angles of half a turn.
+    /// Width of the prior; for angles half a turn.
     fn size(self) -> f64 {
         match self {
             Self::Anything => PI / 12f64.sqrt(),
@@ -62,11 +62,11 @@ impl Expected {
 
 /// A family of curves.
 pub struct Family<'a> {
-    /// The curve of given parameters.
+    /// The curve for given parameters.
     pub curve: &'a (dyn Fn(&[f64]) -> Curve + Sync),
-    /// What is expected of each parameter before any point is seen.
+    /// Prior of each parameter.
     pub expected: &'a [Expected],
-    /// How far each parameter may be from 0 at most.
+    /// Largest absolute value of each parameter.
     pub limits: &'a [f64],
 }
 
@@ -77,9 +77,9 @@ pub struct Fitted {
     pub parameters: Vec<f64>,
     /// The curve.
     pub curve: Curve,
-    /// Robust -2 ln likelihood of the points, what is expected of the parameters included.
+    /// Robust −2 ln likelihood of the points, including the prior.
     pub cost: f64,
-    /// What is expected of the parameters, alone.
+    /// −2 ln prior of the parameters.
     pub prior: f64,
     /// Inverse covariance of the parameters.
     pub information: DMatrix<f64>,
@@ -91,18 +91,19 @@ struct Search<'a> {
     points: &'a [CloudPoint],
 }
 
-/// Parameters of a search, with what is computed at them.
+/// Parameters of a search, with derived quantities.
 struct Tried {
     at: Vec<f64>,
     feet: Vec<Foot>,
-    /// Unit of distances, in standard deviations: far points count fully at first, and less and less as the curve comes near.
+    /// Unit of distances in standard deviations: far points have full weight at first, and less as the curve
+    /// approaches.
     scale: f64,
     cost: f64,
-    /// Normal matrix and right side; made when the parameters are accepted.
+    /// Normal matrix and right side; computed when the parameters are accepted.
     normal: Option<(DMatrix<f64>, DVector<f64>)>,
 }
 
-/// The points tell nothing.
+/// The points contain no information.
 struct Nothing;
 
 impl Search<'_> {
@@ -134,7 +135,7 @@ impl Problem for Search<'_> {
         for k in 0..from.at.len() {
             damped[(k, k)] += damping * information[(k, k)].max(1e-12);
         }
-        // A gauge is a direction that the points say nothing about: only damping makes a step there.
+        // The points contain no information about the common offset: only damping limits the step in that direction.
         let Some(factors) = damped.cholesky() else {
             return if damping * DAMPING.up > DAMPING.most { Err(Nothing) } else { Ok(Step::Singular) };
         };
@@ -160,14 +161,14 @@ impl Problem for Search<'_> {
 }
 
 impl Family<'_> {
-    /// Fits from a start; None when the points tell nothing.
+    /// Fits from a start; `None` if the points contain no information.
     pub fn fit(&self, points: &[CloudPoint], start: &[f64], iterations: usize) -> Option<Fitted> {
         let search = Search { family: self, points };
         let found = levenberg_marquardt(&search, search.at(start.to_vec()), DAMPING, iterations).ok()?;
         self.fitted(found.at, &found.feet)
     }
 
-    /// What a fit that ends at these parameters is; None when the points tell nothing.
+    /// Properties of a fit that ends at these parameters; `None` if the points contain no information.
     pub(crate) fn at(&self, points: &[CloudPoint], parameters: Vec<f64>) -> Option<Fitted> {
         let feet = feet(points, (self.curve)(&parameters));
         self.fitted(parameters, &feet)
@@ -193,12 +194,12 @@ impl Family<'_> {
         misfit / (scale * scale) + self.prior(at)
     }
 
-    /// -2 ln likelihood of the parameters by themselves.
+    /// −2 ln prior of the parameters.
     pub(crate) fn prior(&self, at: &[f64]) -> f64 {
         at.iter().zip(self.expected).map(|(a, e)| e.cost(*a)).sum()
     }
 
-    /// How strongly each parameter is drawn to 0.
+    /// Prior information of each parameter.
     pub(crate) fn pull(&self, at: &[f64]) -> Vec<f64> {
         at.iter().zip(self.expected).map(|(a, e)| e.pull(*a)).collect()
     }
@@ -241,7 +242,7 @@ impl Family<'_> {
         (matrix, right)
     }
 
-    /// The curve with each parameter moved a little, and by how much.
+    /// The curve for a small change of each parameter, and the size of that change.
     pub(crate) fn moved(&self, at: &[f64]) -> Vec<(Curve, f64)> {
         const STEP: f64 = 1e-6;
         (0..at.len())
@@ -253,8 +254,8 @@ impl Family<'_> {
             .collect()
     }
 
-    /// What points whose variance is `widened` times their noise tell of the parameters: ln of how much smaller the volume is that
-    /// is left than that of what was expected (Laplace's factor, as -2 ln).
+    /// Information gain about the parameters from points with `widened` times their noise variance: Laplace's factor as
+    /// −2 ln of the posterior volume over the prior volume.
     pub fn told(&self, fitted: &Fitted, widened: f64) -> f64 {
         let sizes: Vec<f64> = self.expected.iter().map(|e| e.size()).collect();
         let (n, pull) = (sizes.len(), self.pull(&fitted.parameters));
@@ -266,8 +267,8 @@ impl Family<'_> {
         scaled.symmetric_eigen().eigenvalues.iter().map(|v| v.max(1.0).ln()).sum()
     }
 
-    /// Root mean square error of the orientations of `points` in rad that the uncertainty of the parameters causes,
-    /// after their common part (the gauge) is taken out; `widened` multiplies the variance of the points.
+    /// Root mean square orientation error of `points` in rad caused by the uncertainty of the parameters, without the
+    /// common offset; `widened` multiplies the variance of the points.
     pub fn spread(&self, fitted: &Fitted, points: &[CloudPoint], widened: f64) -> f64 {
         let n = fitted.parameters.len();
         let path = Path::new(fitted.curve);
@@ -290,13 +291,13 @@ impl Family<'_> {
             })
             .collect();
         let mean = rows.iter().fold(DVector::zeros(n), |sum, row| sum + row) / rows.len().max(1) as f64;
-        // Directions that nothing is known of are the gauge: they turn all orientations alike.
+        // Directions without information correspond to the common offset, which rotates all orientations alike.
         let eigen = fitted.information.clone().symmetric_eigen();
         let floor = 1e-12 * eigen.eigenvalues.max();
         let mut total = 0.0;
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
             let variance = widened / value.max(floor);
-            // No parameter is that wrong: what is linear ends before.
+            // The linearisation is not valid beyond this variance.
             let variance = variance.min(1.0);
             let square =
                 rows.iter().map(|row| (row - &mean).dot(&vector).powi(2)).sum::<f64>() / rows.len().max(1) as f64;

@@ -1,8 +1,8 @@
-//! How likely the points are under a curve, whatever orientations are in view.
+//! Likelihood of points under a curve, for any distribution of orientations.
 //!
-//! The distance to the nearest place of the curve is no measure between curves: one that winds through the whole cloud is
-//! near to every point. The likelihood is: how far a point is from the curve, in units of its noise, and how crowded the
-//! points are where it falls, so that a long curve, on which they are less crowded, pays for its length.
+//! The distance to the nearest point of the curve cannot compare curves: one that winds through the whole cloud is
+//! close to every point. The likelihood also contains the density of points along the curve. A long curve, on which
+//! points are less dense, is thus penalised for its length.
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
@@ -11,25 +11,25 @@ use crate::film::normal::CAUCHY;
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 
-/// Stretches of the curve whose lengths are added up.
+/// Segments of the curve for its arc length.
 const NODES: usize = 512;
 
-/// Sine and cosine of 2θ half-way between them.
+/// Sine and cosine of 2θ at their midpoints.
 static BETWEEN: LazyLock<[(f64, f64); NODES]> =
     LazyLock::new(|| std::array::from_fn(|k| (2.0 * PI * (k as f64 + 0.5) / NODES as f64).sin_cos()));
 
-/// -2 ln likelihood of the points under a curve. How crowded they are comes from their own spacing (an entropy by
-/// m-spacings), so nothing is assumed about which orientations are in view; but noise along the curve keeps any place
-/// from being more crowded than it can be.
+/// −2 ln likelihood of the points under a curve. The density along the curve comes from the spacing of the points (an
+/// entropy by m-spacings), without assumptions about the distribution of orientations. The noise along the curve limits
+/// the density.
 pub fn misfit(points: &[CloudPoint], curve: &Curve) -> f64 {
     terms(points, curve).iter().sum()
 }
 
-/// The same point by point.
+/// −2 ln likelihood of each point.
 pub fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
     let feet = feet(points, *curve);
     let limit = CAUCHY * CAUCHY;
-    // How many are mirrors is one more parameter, fitted.
+    // The fraction of mirror pixels is an additional fitted parameter.
     let mirrors = feet.iter().filter(|f| f.mirror).count() as f64 / feet.len().max(1) as f64;
     let mut terms: Vec<f64> = points
         .iter()
@@ -52,14 +52,14 @@ pub fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
     terms
 }
 
-/// The same for a curve that is far from fitted, with as much more noise as explains the distances.
+/// −2 ln likelihood for a curve far from the fit, with noise increased to explain the distances.
 pub(crate) fn screening(points: &[CloudPoint], feet: &[Foot], curve: &Curve) -> f64 {
     let scale = scale_of(feet);
     let crowding: f64 = crowding(points, feet, curve, scale).iter().map(|c| c.1).sum();
     2.0 * (points.len() as f64 * scale.ln() + crowding)
 }
 
-/// -ln of their density along the curve, with the numbers of the points.
+/// −ln of the points' density along the curve, with their indices.
 fn crowding(points: &[CloudPoint], feet: &[Foot], curve: &Curve, scale: f64) -> Vec<(usize, f64)> {
     let n = feet.iter().filter(|f| !f.mirror).count();
     if n < 4 {
@@ -72,12 +72,12 @@ fn crowding(points: &[CloudPoint], feet: &[Foot], curve: &Curve, scale: f64) -> 
         length[k + 1] = length[k] + (x * x + y * y).sqrt() * step;
     }
     let total = length[NODES];
-    // Where each point falls, and how far its noise spreads it there.
+    // Arc-length position of each point, and its spread by noise.
     let place = |(point, foot): (&CloudPoint, &Foot)| {
         let place = foot.theta.rem_euclid(PI) / step;
         let k = (place as usize).min(NODES - 1);
-        // The foot is the nearest place in the metric of the noise, so what is left along the curve is independent of what is
-        // across it, and both variances make the determinant.
+        // The projection is the nearest point in the metric of the noise, so errors along and across the curve are
+        // independent. The product of their variances is the determinant.
         let ([x, y], [a, b, c]) = (foot.gradient, point.covariance);
         let along = (a * c - b * b) * (x * x + y * y);
         (length[k] + (length[k + 1] - length[k]) * (place - k as f64), scale * along.sqrt())
@@ -96,7 +96,7 @@ fn crowding(points: &[CloudPoint], feet: &[Foot], curve: &Curve, scale: f64) -> 
             let (point, (here, noise)) = at[i];
             let next = if i + m < n { at[i + m].1.0 } else { at[i + m - n].1.0 + total };
             let last = if i >= m { at[i - m].1.0 } else { at[i + n - m].1.0 - total };
-            // The side on which it is more crowded, since the other one may be a gap between orientations.
+            // The denser side, since the other one may be a gap between orientations.
             let spacing = (next - here).min(here - last) * n as f64 / m as f64;
             (point, spacing.max(TAU.sqrt() * noise).max(f64::MIN_POSITIVE).ln())
         })

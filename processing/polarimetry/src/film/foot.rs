@@ -1,4 +1,4 @@
-//! The places of a closed curve that are nearest to points, in units of their noise.
+//! Projections of points onto a closed curve, in units of their noise.
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
@@ -8,33 +8,33 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// Places along the curve among which the nearest one is looked for, before it is refined.
+/// Nodes along the curve for the search of the nearest point, before refinement.
 const NODES: usize = 128;
 
-/// Points that are looked at side by side.
+/// Points processed in parallel (SIMD).
 pub(crate) const SIDE_BY_SIDE: usize = 8;
 
-/// Points that one thread looks at in a go.
+/// Points per task of a thread.
 const TOGETHER: usize = 512;
 
-/// Where a point lies next to the curve.
+/// Projection of a point onto the curve.
 #[derive(Clone, Copy)]
 pub struct Foot {
     /// Orientation in rad.
     pub theta: f64,
-    /// Sine and cosine of twice that.
+    /// Sine and cosine of 2θ.
     pub(crate) turn: (f64, f64),
-    /// Signed distance in standard deviations, less what noise makes of it on average where the curve bends.
+    /// Signed distance in standard deviations, minus its mean under noise on a bent curve.
     pub distance: f64,
-    /// What moving the curve by (1, 0) and (0, 1) takes from the distance.
+    /// Decrease of the distance for a shift of the curve by (1, 0) and by (0, 1).
     pub gradient: [f64; 2],
-    /// The point is metal without a grating, and the distance is that from its place.
+    /// Whether the point is metal without a grating; the distance is then that from its position.
     pub mirror: bool,
 }
 
-/// How far noise moves points outward of a curve on average, negative, in standard deviations: half its curvature in the metric of
-/// their noise (so a circle of radius R is found where it is, not at R + σ²/2R). Up to a radius of one standard deviation, to
-/// first order in the curvature.
+/// Mean outward displacement of noisy points from a curve, negative, in standard deviations: half its curvature in the
+/// metric of their noise. Without this correction a circle of radius R would be found at R + σ²/2R. Valid to first
+/// order in the curvature, up to a radius of one standard deviation.
 #[inline(always)]
 fn outward(curvature: f64) -> f64 {
     0.5 * curvature.clamp(-1.0, 1.0)
@@ -43,7 +43,7 @@ fn outward(curvature: f64) -> f64 {
 /// A curve with its nodes.
 pub struct Path {
     curve: Curve,
-    /// First coordinates, then second ones; single precision finds the right stretch, and eight at a time.
+    /// First coordinates, then second ones; single precision suffices to find the segment, eight at a time.
     nodes: [[f32; NODES]; 2],
 }
 
@@ -51,18 +51,18 @@ pub struct Path {
 static TURNS: LazyLock<[(f64, f64); NODES]> =
     LazyLock::new(|| std::array::from_fn(|k| (2.0 * PI * k as f64 / NODES as f64).sin_cos()));
 
-/// Sine and cosine of an angle increased by a small one (rad): to 1.6e-13 up to 0.05.
+/// Sine and cosine of an angle increased by a small one (rad): accurate to 1.6e-13 up to 0.05.
 #[inline(always)]
 fn turned((s, c): (f64, f64), by: f64) -> (f64, f64) {
     let square = by * by;
-    // Divisions by 6 and 20 are not made products by the compiler, which rounds as it is told.
+    // Written as constants: the compiler may not replace divisions by 6 and 20 with products, because of rounding.
     let sin = by * (1.0 + square * (-1.0 / 6.0 + square * (1.0 / 120.0)));
     let cos = 1.0 + square * (-0.5 + square * (1.0 / 24.0 - square * (1.0 / 720.0)));
     (s * cos + c * sin, c * cos - s * sin)
 }
 
 impl Path {
-    /// The nodes of a curve.
+    /// Computes the nodes of a curve.
     pub fn new(curve: Curve) -> Self {
         let mut nodes = [[0.0; NODES]; 2];
         let [xs, ys] = &mut nodes;
@@ -75,7 +75,7 @@ impl Path {
 
     #[inline(always)]
     fn nearest_node(&self, at: [f64; 2], covariance: [f64; 3]) -> usize {
-        // The inverse of the covariance but for a factor, which makes none too large for single precision.
+        // The inverse covariance up to a factor, which avoids overflow in single precision.
         let unit = 1.0 / (covariance[0] + covariance[2]);
         let ([c, b, a], [px, py]) = (covariance.map(|v| (v * unit) as f32), at.map(|v| v as f32));
         let twice = -2.0 * b;
@@ -84,7 +84,7 @@ impl Path {
             let (x, y) = (px - nx, py - ny);
             *d = (a * x + twice * y) * x + c * (y * y);
         }
-        // Minima side by side, which the compiler makes a vector of.
+        // Minima in parallel lanes, which the compiler vectorises.
         let groups = distances.as_chunks::<SIDE_BY_SIDE>().0;
         let mut minima = [f32::INFINITY; SIDE_BY_SIDE];
         for group in groups {
@@ -99,7 +99,7 @@ impl Path {
         0
     }
 
-    /// The places of the curve that are nearest to points, in the metric of their noise.
+    /// Projections of points in the metric of their noise.
     pub fn feet(&self, points: &[CloudPoint]) -> Vec<Foot> {
         let mut feet = Vec::with_capacity(points.len());
         let (groups, rest) = points.as_chunks();
@@ -117,16 +117,16 @@ impl Path {
         feet
     }
 
-    /// The same of one.
+    /// Projection of one point.
     pub fn foot(&self, point: &CloudPoint) -> Foot {
         let [foot] = self.places(&[*point]);
         foot
     }
 
-    /// The same of a few side by side, which the compiler makes vectors of.
+    /// Projections of a few points in parallel lanes, which the compiler vectorises.
     #[inline(always)]
     fn places<const N: usize>(&self, points: &[CloudPoint; N]) -> [Foot; N] {
-        // A loop, as the closure of an array's `map` may be compiled apart, for old processors.
+        // A loop instead of an array's `map`, whose closure may be compiled separately for old processors.
         let mut nodes = [0; N];
         for (node, p) in nodes.iter_mut().zip(points) {
             *node = self.nearest_node(p.at, p.covariance);
@@ -139,7 +139,7 @@ impl Path {
         })
     }
 
-    /// The nearest places near nodes.
+    /// Refines the projections, starting from nodes.
     #[inline(always)]
     fn refined<const N: usize>(&self, points: &[CloudPoint; N], nodes: [usize; N]) -> [Foot; N] {
         let (step, turns) = (PI / NODES as f64, &*TURNS);
@@ -179,8 +179,8 @@ impl Path {
         })
     }
 
-    /// The places that are nearer to a point than all around them, of those that are farther than the nearest one by no more
-    /// than so many standard deviations.
+    /// All local minima of the distance from a point to the curve, at most `farther` standard deviations farther than
+    /// the nearest one.
     #[inline(always)]
     pub(crate) fn feet_within(&self, point: &CloudPoint, farther: f64) -> Vec<Foot> {
         let [a, b, c] = point.weights();
@@ -209,8 +209,8 @@ impl Path {
     }
 }
 
-/// A point as metal without a grating. Its distance has two directions, so that of noise is √2 on average: it is given in
-/// units of that.
+/// A point as metal without a grating. Its distance has two dimensions, so noise has an RMS of √2, which is used as the
+/// unit.
 fn mirror(point: &CloudPoint, at: [f64; 2], foot: &Foot) -> Option<Foot> {
     let [a, b, c] = point.weights();
     let (x, y) = (point.at[0] - at[0], point.at[1] - at[1]);
@@ -220,7 +220,7 @@ fn mirror(point: &CloudPoint, at: [f64; 2], foot: &Foot) -> Option<Foot> {
     (distance > 0.0).then_some(Foot { distance, gradient, mirror: true, ..*foot })
 }
 
-/// The places of a curve that are nearest to points.
+/// Projections of points onto a curve.
 pub fn feet(points: &[CloudPoint], curve: Curve) -> Vec<Foot> {
     let path = Path::new(curve);
     if points.len() <= TOGETHER {
@@ -240,7 +240,7 @@ mod tests {
     use super::*;
     use crate::synthetic::normal;
 
-    /// As far as steps between nodes go. The first term that is left out of the sine is 0.05⁷/5040 = 1.55e-13.
+    /// Tested up to the step between nodes. The first neglected term of the sine is 0.05⁷/5040 = 1.55e-13.
     #[test]
     fn small_turns_are_those_of_sine_and_cosine() {
         for (angle, by) in (0..60).flat_map(|k| [-0.05, -0.02, 0.0, 0.013, 0.05].map(|by| (0.1 * f64::from(k), by))) {
@@ -250,8 +250,8 @@ mod tests {
         assert!(2.0 * PI / NODES as f64 <= 0.05);
     }
 
-    /// Points about a circle of five standard deviations are 0.1 of one farther out than it on average; distances are not (200,000 points tell
-    /// 0.0022, and the next order is 0.001).
+    /// Points about a circle of five standard deviations lie on average 0.1 standard deviations outside of it.
+    /// Corrected distances have zero mean (standard error of 200,000 points 0.0022, next order 0.001).
     #[test]
     fn noise_about_a_bent_curve_has_no_mean_distance() {
         let (radius, sigma, n) = (0.25, 0.05, 200_000);

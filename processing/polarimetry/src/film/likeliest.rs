@@ -1,5 +1,6 @@
-//! Makes points likelier than a fit by distances does: where a curve bends within the noise, or runs beside itself, the nearest place is often
-//! not the one that a point comes from, and distances are off by more than many points tell.
+//! Maximises the likelihood, starting from a fit by distances. Where a curve bends within the noise, or has a close
+//! second branch, the nearest point is often not the true origin of a point. The distances are then biased beyond their
+//! statistical error.
 
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::curve::Curve;
@@ -11,20 +12,20 @@ use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nalgebra::{DMatrix, DVector};
 use std::convert::Infallible;
 
-/// Steps at most that are tried.
+/// Maximum number of steps.
 const STEPS: usize = 10;
 
 /// Damping of the search.
 const DAMPING: Damping = Damping { first: 1e-3, down: 0.1, least: 0.0, up: 10.0, most: f64::INFINITY };
 
-/// A step that makes the points so little likelier is the last, one that is expected to is not tried: -2 ln likelihood, which the weights of the
-/// sample leave open to a few.
+/// Decrease of −2 ln likelihood below which the search ends; a step with a smaller expected decrease is skipped. The
+/// weights of the sample have an uncertainty of this order.
 const CONVERGED: f64 = 2.0;
 
-/// The fit with parameters that make the points likeliest when the distribution of the orientations in view is fitted too.
+/// Maximises the likelihood over the parameters, with the distribution of orientations fitted too.
 ///
-/// What differs between that likelihood and the distances of all points is taken from a sample of them, in which both err alike, so that little of
-/// that error is left (a control variate).
+/// The difference between that likelihood and the distances of all points is computed on a sample. Both have nearly the
+/// same sampling error, which therefore cancels (a control variate).
 pub(crate) fn likeliest(family: &Family<'_>, fit: &Fitted, points: &[CloudPoint]) -> Fitted {
     let few = thinned(points, SAMPLE);
     let objective = Objective { family, points, few: &few, scale: points.len() as f64 / few.len().max(1) as f64 };
@@ -32,7 +33,7 @@ pub(crate) fn likeliest(family: &Family<'_>, fit: &Fitted, points: &[CloudPoint]
     family.at(points, best.parameters).unwrap_or_else(|| fit.clone())
 }
 
-/// All points and the sample, each of whose points stands for so many.
+/// All points and the sample, each point of which represents `scale` points.
 struct Objective<'a> {
     family: &'a Family<'a>,
     points: &'a [CloudPoint],
@@ -40,7 +41,7 @@ struct Objective<'a> {
     scale: f64,
 }
 
-/// Parameters with their -2 ln likelihood, its slope (halved, downward) and what is known of them.
+/// Parameters with their −2 ln likelihood, half its negative gradient, and their information matrix.
 struct Tried {
     parameters: Vec<f64>,
     score: f64,
@@ -70,7 +71,7 @@ impl Objective<'_> {
         Tried { score: all + scale * (likelihood - sample), slope, information, parameters }
     }
 
-    /// Slope of the likelihood of the sample: what pulls at each place, times how this moves (Fisher's identity).
+    /// Score of the sample: the force at each support point times its displacement per parameter (Fisher's identity).
     fn slope(&self, at: &[f64], curve: &Curve, pulled: &Pulls) -> DVector<f64> {
         let mut slope = DVector::from_iterator(at.len(), at.iter().zip(self.family.pull(at)).map(|(a, by)| -a * by));
         for (k, (moved, by)) in self.family.moved(at).iter().enumerate() {
@@ -96,7 +97,7 @@ impl Problem for Objective<'_> {
 
     fn step(&self, from: &Tried, damping: f64) -> Result<Step<Tried>, Infallible> {
         let mut information = from.information.clone();
-        // A gauge is a direction that the points say nothing about: only damping makes a step there.
+        // The points contain no information about the common offset: only damping limits the step in that direction.
         for k in 0..from.parameters.len() {
             information[(k, k)] += damping * information[(k, k)].max(1e-12);
         }

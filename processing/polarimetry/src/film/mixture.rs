@@ -1,10 +1,12 @@
-//! How likely points are under a curve when the distribution of the orientations in view is fitted as well.
+//! Likelihood of points under a curve, with the distribution of orientations fitted too (nonparametric maximum
+//! likelihood).
 //!
-//! Every point comes from some place of the curve, moved by its noise in both directions: its likelihood is the integral of the
-//! noise over the curve, weighted by how many orientations are where. The weights of many places are those that make all points
-//! likeliest (Kiefer and Wolfowitz 1956), found by expectation and maximization. So curves through the same places are alike,
-//! whatever their direction there, and what differs is told by nothing but the points. Where curves are compared, each half of the points is judged by
-//! the weights of the other half.
+//! Every point comes from a position on the curve, displaced by two-dimensional noise. Its likelihood is the integral
+//! of the noise density over the curve, weighted by the distribution of orientations. The weights of many support
+//! points maximise the likelihood of all points (Kiefer and Wolfowitz 1956), found by expectation maximisation. Curves
+//! through the same support points are therefore equally likely, regardless of their direction there, and only the
+//! points distinguish curves. For comparisons of curves, each half of the points is evaluated under the weights of the
+//! other half.
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
@@ -19,7 +21,7 @@ use rayon::prelude::*;
 /// Points per task.
 const CHUNK: usize = 1024;
 
-/// A curve as points come from it.
+/// Model of the points as samples from a curve.
 struct Source<'a> {
     curve: &'a Curve,
     path: Path,
@@ -27,28 +29,28 @@ struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// With places as fine as the noise of these points asks for; None without points.
+    /// Support points with the spacing required by the noise of these points; `None` without points.
     fn of(points: &[CloudPoint], curve: &'a Curve) -> Option<Self> {
         let noise = points.iter().map(|p| (0.5 * (p.covariance[0] + p.covariance[2])).sqrt());
         let noise = median(&mut noise.collect::<Vec<f64>>())?;
         Some(Self { curve, path: Path::new(*curve), places: Places::new(curve, noise) })
     }
 
-    /// What points can come from, in chunks of fixed size.
+    /// Likelihood rows of the points, in chunks of fixed size.
     fn rows(&self, points: &[CloudPoint]) -> Vec<Rows> {
         let of_chunk = |points: &[CloudPoint]| Rows::of(points, self.curve, &self.path, &self.places);
         points.par_chunks(CHUNK).map(of_chunk).collect()
     }
 
-    /// The spots that points lie at, where their weights say so.
+    /// The discrete orientations at which the weights concentrate, if they do.
     fn spots(&self, weights: &Weights, points: &[CloudPoint]) -> Option<Spots<'a>> {
         let others = [weights.straying, weights.mirror];
         Some(Spots::gathered(self.curve, &self.places, &weights.places, others)?.fitted(points))
     }
 }
 
-/// -2 ln likelihood of each point under a curve, where orientations are as many as in the other half of the points: places that are fitted to
-/// chance do not help, and a curve that winds more often has more of these.
+/// −2 ln likelihood of each point under a curve, with the distribution of orientations of the other half of the points.
+/// Held-out points prevent an advantage from weights fitted to noise, of which a longer curve has more.
 pub(crate) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
     let Some(source) = Source::of(points, curve) else { return vec![] };
     let half = |first: usize| points.iter().skip(first).step_by(2).copied().collect::<Vec<CloudPoint>>();
@@ -77,7 +79,8 @@ pub(crate) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
     terms
 }
 
-/// How points pull at a curve: by how likely each of them is from which place, and how far off it is in the metric of its noise.
+/// Score of the points with respect to displacements of a curve: posterior probability of each support point times the
+/// deviation in the metric of the noise.
 pub(crate) fn pulls(points: &[CloudPoint], curve: &Curve) -> Pulls {
     let none = Pulls { misfit: 0.0, places: vec![], mirror: [0.0; 2] };
     let Some(source) = Source::of(points, curve) else { return none };
@@ -130,7 +133,7 @@ mod tests {
     use crate::synthetic::normal;
     use std::f64::consts::TAU;
 
-    /// Points of orientations that are spread evenly over a circle about the origin.
+    /// Points of uniformly distributed orientations on a circle about the origin.
     fn on_circle(radius: f64, sigma: f64, count: u64) -> Vec<CloudPoint> {
         let point = |i: u64| {
             let (sin, cos) = (TAU * (i as f64 * 0.618_034).fract()).sin_cos();
@@ -140,8 +143,9 @@ mod tests {
         (0..count).map(point).collect()
     }
 
-    /// Orientations spread evenly over a circle, by a sum of the density in double precision: what the other half of the points tells of them costs 2
-    /// (weights that make their own half likeliest 11); another circle, a fifth of the noise larger, is less likely.
+    /// Uniformly distributed orientations on a circle, against a direct sum of the density in double precision. Weights
+    /// from the other half of the points cost 2 (weights fitted to the same half gain 11). Another circle, larger by a
+    /// fifth of the noise, is less likely.
     #[test]
     fn points_are_as_likely_as_a_plain_sum_says() {
         let (radius, sigma, n) = (0.25, 0.05, 4000);
@@ -162,8 +166,9 @@ mod tests {
         assert!(other > found + 80.0, "{other} {found}");
     }
 
-    /// Orientations spread evenly over a circle of 80 standard deviations, by the density across it: what the thousand places that noise tells apart
-    /// take from chance does not count. Weights that make their own half likeliest cost 560, 110 less of another curve whose search went otherwise.
+    /// Uniformly distributed orientations on a circle of 80 standard deviations, against the density across it: the fit
+    /// of a thousand support points to noise must not count. In-sample weights gain 560, and 110 less for another curve
+    /// whose search ended differently.
     #[test]
     fn chance_does_not_count() {
         let (radius, sigma, n) = (0.25, 0.003, 20_000);
@@ -173,12 +178,12 @@ mod tests {
         let of = |radius: f64| terms(&points, &Curve::circle([0.0; 2], radius)).iter().sum::<f64>() - truth;
         let (found, others) = (of(radius), [0.99, 1.01].map(|by| of(by * radius)));
         assert!(found.abs() < 5.0, "{found}");
-        // Farther off by 0.0025 each: 20,000 (0.0025 / 0.003)².
+        // Deviations increase by 0.0025 each: 20,000 (0.0025 / 0.003)².
         assert!(others.iter().all(|other| (other / 13_889.0 - 1.0).abs() < 0.02), "{others:?}");
     }
 
-    /// What pulls at places is the slope of the likelihood: of a circle that is too large, as it grows, to 5 % (weights end 0.3 from their best,
-    /// of the 90 that the likelihood changes by).
+    /// The score is the derivative of the likelihood. It is compared for a circle that is too large, with respect to
+    /// its radius, to 5 % (the weights end 0.3 below their maximum; the likelihood changes by 90).
     #[test]
     fn pulls_are_the_slope_of_the_likelihood() {
         let (radius, sigma, n) = (0.25, 0.05, 4000);

@@ -1,5 +1,5 @@
-//! Models of films on gratings: the curve of points (S1/S0, S2/S0), its fit to a sample of pixels, the choice among models, and the
-//! orientation of every pixel under the chosen one.
+//! Models of films on gratings: the curve of points (S1/S0, S2/S0), its fit to a sample of pixels, and model selection.
+//! The selected model gives the orientation of every pixel.
 
 pub(crate) mod asked;
 pub(crate) mod check;

@@ -1,21 +1,23 @@
-//! From phase to orientation: nested models, compared by evidence.
+//! Nested models from phase to orientation, compared by evidence.
 //!
-//! | model | the points (S1/S0, S2/S0) of all orientations lie on | right for |
-//! |---|---|---|
-//! | `sinusoid` | circles about the origin | no birefringent film |
-//! | `prenormalized` | a circle about their mean | a weak film, orientations evenly spread |
-//! | `circle` | a circle about any centre | a weak film |
-//! | `curve` | the closed curve of the 2018 paper's Eq. 4-6 | any film; with the axis, and where needed the front reflection and the retarder's error, fitted as well |
+//! Curve of the points (S1/S0, S2/S0) over all orientations:
 //!
-//! More parameters explain the points better, and add their own uncertainty to the result. So `auto` compares the models by their
-//! penalised −2 ln likelihood, and takes the simplest of those near the minimum:
+//! - `sinusoid`: a circle about the origin. Valid without a birefringent film.
+//! - `prenormalized`: a circle about the mean of the points. Valid for a weak film and evenly distributed orientations.
+//! - `circle`: a circle about any centre. Valid for a weak film.
+//! - `curve`: the closed curve of the 2018 paper's Eq. 4-6. Valid for any film. The axis and, where needed, the front
+//!   reflection and the retarder's error are fitted as well.
 //!
-//! - The likelihood of each half of the points is that under the distribution of orientations of the other half (nonparametric maximum
-//!   likelihood, Kiefer and Wolfowitz 1956).
-//! - The penalty is Laplace's factor for curves, whose parameters have priors, and k ln n for circles (BIC, Schwarz 1978).
-//! - Whether a difference may be chance is judged by the test of Vuong (1989): its standard deviation over the points.
+//! More parameters fit the points better, but add their uncertainty to the result. `auto` therefore compares the models
+//! by their penalised −2 ln likelihood, and selects the simplest of those near the minimum:
 //!
-//! docs/validation/models.md lists the thresholds of the decision and the scenes that need each of them.
+//! - The likelihood of each half of the points is that under the distribution of orientations of the other half
+//!   (nonparametric maximum likelihood, Kiefer and Wolfowitz 1956).
+//! - The penalty is Laplace's factor for curves, whose parameters have priors, and k ln n for circles (BIC, Schwarz
+//!   1978).
+//! - The significance of a difference follows from the test of Vuong (1989): its standard deviation over the points.
+//!
+//! docs/validation/models.md lists the thresholds of the decision, with scenes that require each of them.
 
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::curve::{Curve, Film};
@@ -28,53 +30,53 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// With fewer points than this the distribution of orientations cannot be fitted place by place.
+/// Number of points below which the distribution of orientations cannot be fitted.
 pub(crate) const MIXTURE: usize = 2000;
 
-/// Points by which the error of orientations is told that parameters cause.
+/// Number of points for the orientation error caused by the parameters' uncertainty.
 pub(crate) const SPREAD: usize = 500;
 
-/// How the fitted phase becomes an orientation.
+/// Conversion of the fitted phase to an orientation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(rename = "PolarizationModel")]
 pub enum Model {
-    /// The simplest model of a grating that explains the data; its name and the reason are in the report.
+    /// The simplest grating model that explains the data; the report contains its name and the reason.
     #[default]
     Auto,
     /// No grating: Stokes parameters, angle and degree of linear polarization.
     Plain,
-    /// The phase is the orientation, up to one offset.
+    /// The phase is the orientation, up to a common offset.
     Sinusoid,
-    /// The phase about the mean of all points (2018 paper, section 5.3, of ratios instead of raw photographs).
+    /// The phase about the mean of all points (2018 paper, section 5.3, for ratios instead of raw photographs).
     Prenormalized,
     /// The phase about the centre of the circle through all points.
     Circle,
-    /// The nearest place on the fitted curve.
+    /// The nearest point on the fitted curve.
     Curve,
 }
 
 /// A model with its parameters.
 #[derive(Clone)]
 pub(crate) struct Candidate {
-    /// Which.
+    /// Its model.
     pub model: Model,
-    /// What of the curve was fitted beyond the four parameters of the film: `front`, `source`; or what was not: `polarizer`.
+    /// Parameters of the curve fitted beyond the four of the film (`front`, `source`), or the reduced set `polarizer`.
     pub extended: &'static [&'static str],
-    /// Number of parameters that were fitted.
+    /// Number of fitted parameters.
     pub parameters: usize,
-    /// The curve that the points are taken to lie on.
+    /// Curve of the points.
     pub curve: Curve,
-    /// Centre of the circle, for models that take the phase about one.
+    /// Centre of the circle, for models that use the phase about it.
     pub center: Option<[f64; 2]>,
-    /// -2 ln likelihood of the parameters by themselves.
+    /// −2 ln prior of the parameters.
     pub prior: f64,
-    /// What the points tell of the parameters beyond what was expected of them, as ln of a ratio of variances; None where
-    /// nothing was expected.
+    /// Information gain of the points about the parameters relative to their prior, as ln of a ratio of variances;
+    /// `None` without priors.
     pub told: Option<f64>,
-    /// How much larger than their noise the scatter of points about the curve is, as a variance.
+    /// Scatter variance of points about the curve, relative to their noise.
     pub widened: f64,
-    /// Error of the orientations in rad that the uncertainty of the parameters causes, root mean square.
+    /// Root mean square orientation error in rad caused by the parameters' uncertainty.
     pub uncertain: f64,
     /// Parameters of the film, for the curve.
     pub film: Option<Film>,
@@ -85,7 +87,7 @@ impl Model {
     pub const ALL: [Self; 6] =
         [Self::Auto, Self::Plain, Self::Sinusoid, Self::Prenormalized, Self::Circle, Self::Curve];
 
-    /// Its name in options and files.
+    /// Name in options and files.
     pub fn word(self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -98,7 +100,8 @@ impl Model {
     }
 }
 
-/// Fits the circles to the points of a cloud that carry modulation, simplest first: to a sample, which tells the better of two starts, and from there to all.
+/// Fits the circle models to points with modulation, simplest first. A sample selects the better of two starts, from
+/// which all points are fitted.
 pub(crate) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
     let (mean, few) = (mean(points), thinned(points, SAMPLE));
     let about = |center: [f64; 2], model, count: usize| -> Option<Candidate> {
@@ -140,12 +143,14 @@ pub(crate) struct Evidence {
 }
 
 impl Evidence {
-    /// That of a candidate which is so far behind the least of a part of the points, carried over to all, of which the best has `best`.
+    /// Scales the evidence on a sample, given its difference from the sample's `least`, to all points, of which the
+    /// best candidate has `best`.
     pub fn scaled(self, least: f64, scale: f64, best: f64) -> Self {
         Self { total: best + scale * (self.total - least), terms: vec![], ..self }
     }
 
-    /// Standard deviation of the difference of two −2 ln likelihoods by chance: √n times that of its contributions by single points (Vuong 1989).
+    /// Standard deviation of the difference of two −2 ln likelihoods: √n times that of its contributions by single
+    /// points (Vuong 1989).
     pub fn chance(&self, other: &Self) -> f64 {
         let n = self.terms.len().max(1) as f64;
         let differences = || self.terms.iter().zip(&other.terms).map(|(a, b)| a - b);
@@ -155,12 +160,12 @@ impl Evidence {
 }
 
 impl Candidate {
-    /// Its name, with what was fitted beyond the film.
+    /// Name, with the parameters fitted beyond the film.
     pub fn name(&self) -> String {
         self.extended.iter().fold(self.model.word().to_owned(), |name, more| name + "+" + more)
     }
 
-    /// Root mean square distance of the curve from its middle.
+    /// Root mean square distance of the curve from its centre.
     pub(crate) fn size(&self) -> f64 {
         let at: Vec<[f64; 2]> = (0..64).map(|k| self.curve.at(PI * f64::from(k) / 64.0)).collect();
         let middle = [0, 1].map(|k| at.iter().map(|p| p[k]).sum::<f64>() / 64.0);
@@ -178,9 +183,9 @@ impl Candidate {
         self.paid(terms)
     }
 
-    /// The same, given what each point adds.
+    /// Penalised −2 ln likelihood from the contributions of the points.
     pub(crate) fn paid(&self, terms: Vec<f64>) -> Evidence {
-        // Laplace's factor where parameters have priors, else that of Schwarz.
+        // Laplace's factor for parameters with priors, otherwise that of Schwarz.
         let paid = self.told.unwrap_or(self.parameters as f64 * (terms.len().max(2) as f64).ln());
         let likelihood = terms.iter().sum::<f64>() + self.prior;
         Evidence { total: likelihood + paid, likelihood, terms }
@@ -211,7 +216,7 @@ fn phase(
     }
 }
 
-/// How much larger than their noise the scatter of points about a curve is, as a variance.
+/// Scatter variance of points about a curve, relative to their noise.
 pub(crate) fn widened(cost: f64, points: usize) -> f64 {
     (cost / points.max(1) as f64 / COST_OF_NOISE).max(1.0)
 }

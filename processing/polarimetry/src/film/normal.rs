@@ -1,15 +1,15 @@
-//! The sums of a least-squares step, over several points side by side, which the compiler makes vectors of.
+//! Sums of a least-squares step over several points in parallel lanes, which the compiler vectorises.
 
 use crate::film::curve::{Curve, PARAMETERS};
 use crate::film::foot::{Foot, SIDE_BY_SIDE};
 
-/// Distances beyond so many standard deviations count less and less.
+/// Scale of the Cauchy weights in standard deviations: the weight of larger distances decreases.
 pub const CAUCHY: f64 = 3.0;
 
-/// Most parameters that a family can have: those of a film.
+/// Maximum number of parameters of a family: those of a film.
 const MOST: usize = PARAMETERS;
 
-/// A few feet side by side; what is missing counts nothing.
+/// A few projections in parallel lanes; missing ones have zero weight.
 pub(crate) struct Lanes {
     turn: [[f64; SIDE_BY_SIDE]; 2],
     gradient: [[f64; SIDE_BY_SIDE]; 2],
@@ -38,7 +38,7 @@ impl Lanes {
         lanes
     }
 
-    /// Where the points belong on a curve.
+    /// Positions of the projections on a curve.
     #[inline(always)]
     fn places(&self, curve: &Curve) -> [[f64; SIDE_BY_SIDE]; 2] {
         let [mut x, mut y] = [[0.0; SIDE_BY_SIDE]; 2];
@@ -55,7 +55,7 @@ impl Lanes {
     }
 }
 
-/// Sums of the normal matrix below its diagonal and of the right side, lane by lane.
+/// Sums of the lower triangle of the normal matrix and of the right side, lane by lane.
 pub(crate) struct Normal {
     pub(crate) matrix: [[[f64; SIDE_BY_SIDE]; MOST]; MOST],
     pub(crate) right: [[f64; SIDE_BY_SIDE]; MOST],

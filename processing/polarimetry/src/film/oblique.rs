@@ -1,33 +1,34 @@
-//! Light that meets the sample at an angle, and what that does to the points (S1/S0, S2/S0).
+//! Oblique incidence, and its effect on the points (S1/S0, S2/S0).
 //!
-//! The camera sees every point of the sample from its own direction, and the panel in the mirror image of that direction. Away
-//! from the normal, the film's faces and the metal under it treat light along and across the plane of incidence differently
-//! (Fresnel), and the way through the film is longer. So the curve that orientations run along is another one in every
-//! pixel; where the camera stands says which.
+//! The camera sees each point of the sample from another direction, and the display in the mirror direction. Off the
+//! normal, the film's surfaces and the metal below reflect light along and across the plane of incidence differently
+//! (Fresnel), and the path through the film is longer. The curve of orientations therefore differs from pixel to pixel,
+//! as determined by the camera position.
 
 use crate::film::curve::{Curve, Film};
 pub use nacre_optics::polarization::{Jones, JonesVector, Material};
 use num_complex::Complex;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-/// The film's and the metal's coefficients at one angle of incidence, relative to normal incidence, along (p) and across
+/// Coefficients of the film and the metal at an angle of incidence, relative to normal incidence, along (p) and across
 /// (s) the plane of incidence.
 pub struct Incidence {
     /// Azimuth of the plane of incidence in rad.
     plane: f64,
     through: [f64; 2],
     front: [f64; 2],
-    /// Square roots, since half of the metal's effect is before the grating and half behind it: the element is reciprocal.
+    /// Square roots, since half of the metal's effect acts before the grating and half after it: the element is
+    /// reciprocal.
     metal: [Complex<f64>; 2],
     cos_inside: f64,
 }
 
 impl Incidence {
-    /// At an angle with the squared sine `sin2`, in a plane of this azimuth (rad).
+    /// Incidence at an angle with squared sine `sin2`, in a plane of this azimuth (rad).
     pub fn new(material: &Material, sin2: f64, plane: f64) -> Self {
         let (n, cos) = (material.film_index, (1.0 - sin2).sqrt());
         let cos_inside = (1.0 - sin2 / (n * n)).sqrt();
-        // Fresnel's coefficients, the sign of p such that both agree at normal incidence.
+        // Fresnel coefficients, with the sign of p chosen to agree with s at normal incidence.
         let s = |n1: Complex<f64>, c1: Complex<f64>, n2: Complex<f64>, c2: Complex<f64>| {
             (n1 * c1 - n2 * c2) / (n1 * c1 + n2 * c2)
         };
@@ -44,7 +45,7 @@ impl Incidence {
         let under_normal = (film - metal) / (film + metal);
         Self {
             plane,
-            // What is not reflected passes; both faces together pass 1 - r².
+            // Transmission by energy conservation: both surfaces together transmit 1 - r².
             through: face.map(|r| ((1.0 - r * r) / (1.0 - normal * normal)).sqrt()),
             front: face.map(|r| if normal == 0.0 { 1.0 } else { r / normal }),
             metal: under.map(|r| (r / under_normal).sqrt()),
@@ -57,8 +58,8 @@ impl Incidence {
     }
 }
 
-/// The curve and the mirror of a film at an angle of incidence; [`Film::curve_and_mirror`] at the normal (2018 paper, Eq. 4-6, with Fresnel's
-/// coefficients).
+/// The curve and the bare-metal point of a film at an angle of incidence; equal to [`Film::curve_and_mirror`] at the
+/// normal (2018 paper, Eq. 4-6, with Fresnel coefficients).
 pub fn curve_at(film: &Film, incidence: &Incidence) -> Curve {
     let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + film.source_error).apply(JonesVector::linear(0.0));
     let retarder = Jones::retarder(film.axis, film.retardance / incidence.cos_inside);
@@ -93,7 +94,7 @@ mod tests {
         shade: 0.0,
     };
 
-    /// At the normal nothing is added, whatever the plane is called.
+    /// At normal incidence there is no change, for any azimuth.
     #[test]
     fn the_normal_is_the_plain_curve() {
         for plane in [0.0, 1.0, 2.5] {
@@ -107,14 +108,14 @@ mod tests {
         }
     }
 
-    /// Turning everything, plane of incidence, film, source and sample, turns the polarization.
+    /// A rotation of plane of incidence, film, source and sample rotates the polarization.
     #[test]
     fn the_plane_of_incidence_turns_with_the_rest() {
         let film = Film { axis: 0.0, source_error: 0.0, ..FILM };
         let at = |turn: f64, theta: f64| {
             let film = Film { axis: turn, ..film };
             let [x, y] = curve_at(&film, &Incidence::new(&Material::default(), 0.05, 0.6 + turn)).at(theta + turn);
-            // Circular light has no azimuth, so only the polarization turns.
+            // Circular light has no azimuth, so only the polarization rotates.
             let (s, c) = (2.0 * turn).sin_cos();
             [x * c + y * s, y * c - x * s]
         };
@@ -124,7 +125,7 @@ mod tests {
         }
     }
 
-    /// Brewster's angle: light along the plane of incidence passes a face whole, and aluminium reflects less of it.
+    /// At Brewster's angle p-polarized light passes a surface without loss, and aluminium reflects less of it.
     #[test]
     fn coefficients_are_fresnel() {
         let material = Material { film_index: 1.5, ..Material::default() };

@@ -1,4 +1,4 @@
-//! Places along a curve, and which of them each point can come from.
+//! Support points along a curve, and the likelihoods of each point for the nearby ones.
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
@@ -6,25 +6,25 @@ use crate::film::foot::{Foot, Path};
 use nacre_base::vectors::vectorised;
 use std::f64::consts::{PI, TAU};
 
-/// Stretches of the curve whose lengths are added up.
+/// Segments of the curve for its arc length.
 const STRETCHES: usize = 1024;
 
-/// Distance of places in standard deviations of a typical point, and how many places there are at least and at most.
+/// Spacing of support points in standard deviations of a typical point, and their minimum and maximum number.
 pub(crate) const SPACING: f64 = 0.5;
 const FEWEST: usize = 64;
 const MOST: usize = 8192;
 
-/// Places farther from a point than so many standard deviations do not count.
+/// Distance in standard deviations beyond which support points are neglected.
 const REACH: f64 = 6.0;
 
-/// Places along a curve at equal distances.
+/// Equidistant support points along a curve.
 pub(crate) struct Places {
     pub at: Vec<[f64; 2]>,
     /// Their orientations in rad.
     pub thetas: Vec<f64>,
-    /// Length of the curve up to the beginning of each stretch, in places.
+    /// Arc length up to the beginning of each segment, in units of the spacing.
     index: Vec<f64>,
-    /// Distance of places.
+    /// Spacing of the support points.
     step: f64,
 }
 
@@ -56,14 +56,14 @@ impl Places {
         }
     }
 
-    /// Orientation in rad of a place, which may lie between two, or once around.
+    /// Orientation in rad at an arc length in units of the spacing, possibly fractional or beyond a full turn.
     pub fn theta(&self, place: f64) -> f64 {
         let k = place.floor() as usize % self.thetas.len();
         let next = self.thetas.get(k + 1).copied().unwrap_or(self.thetas[0] + PI);
         self.thetas[k] + (next - self.thetas[k]) * place.fract()
     }
 
-    /// Place of an orientation in rad, in places.
+    /// Arc length of an orientation in rad, in units of the spacing.
     fn of(&self, theta: f64) -> f64 {
         let turn = theta.rem_euclid(PI) / PI * STRETCHES as f64;
         let k = (turn as usize).min(STRETCHES - 1);
@@ -71,7 +71,7 @@ impl Places {
     }
 }
 
-/// ln of a normal density in two dimensions, as a function of how far off.
+/// ln of a bivariate normal density, as a function of the deviation.
 pub(crate) fn log_density([a, b, c]: [f64; 3]) -> impl Fn([f64; 2]) -> f64 {
     let determinant = a * c - b * b;
     let [xx, xy, yy] = [c, -2.0 * b, a].map(|v| -0.5 * v / determinant);
@@ -79,34 +79,34 @@ pub(crate) fn log_density([a, b, c]: [f64; 3]) -> impl Fn([f64; 2]) -> f64 {
     move |[x, y]| middle + xx * x * x + xy * x * y + yy * y * y
 }
 
-/// What a few points can come from: for each of them runs of places with how likely each place makes it, one after the other.
+/// Likelihood rows of some points: for each point runs of consecutive support points with their likelihoods.
 #[derive(Default)]
 pub(crate) struct Rows {
     pub points: Vec<Row>,
     pub runs: Vec<Run>,
-    /// In single precision: sums of positive numbers lose no more to it than their last digits.
+    /// In single precision: sums of positive numbers lose only their last digits.
     pub values: Vec<f32>,
 }
 
-/// A point. Likelihoods are in units of its own.
+/// A point. Its likelihoods are divided by a unit.
 pub(crate) struct Row {
     /// ln of the unit.
     pub unit: f64,
-    /// Those of a point on nothing, and of metal without a grating.
+    /// Likelihoods of an outlier, and of metal without a grating.
     pub straying: f64,
     pub mirror: f64,
-    /// How many runs it has.
+    /// Number of runs.
     pub runs: usize,
 }
 
-/// Places in a row, the number of which is a multiple of [`LANES`]: those beyond the end of the run are impossible. They go on after the last
-/// place as after all places came once more.
+/// Consecutive support points, padded to a multiple of [`LANES`] with zero likelihood. Indices continue periodically
+/// beyond the last support point.
 pub(crate) struct Run {
     pub start: usize,
     pub length: usize,
 }
 
-/// Numbers that are worked on side by side.
+/// Numbers processed in parallel.
 pub(crate) const LANES: usize = 8;
 
 impl Rows {

@@ -1,16 +1,16 @@
-//! How the likelihood of points changes as a curve moves.
+//! Score of the points with respect to displacements of a curve.
 
-/// How points pull at a curve.
+/// Score of the points with respect to displacements of a curve.
 pub(crate) struct Pulls {
     /// -2 ln likelihood of all points.
     pub misfit: f64,
-    /// At its places.
+    /// Scores at the support points.
     pub places: Vec<Place>,
-    /// At metal without a grating.
+    /// Score for the position of bare metal.
     pub mirror: [f64; 2],
 }
 
-/// A place of a curve, and the slope of the ln likelihood of the points as it moves.
+/// A support point, and the gradient of the ln likelihood with respect to its position.
 #[derive(Clone, Copy)]
 pub(crate) struct Place {
     pub theta: f64,

@@ -1,5 +1,5 @@
-//! Looks for the film whose curve the points lie on: from many starts, since the misfit has many minima. First by samples of the points, then,
-//! once a curve runs through them, by sums of all points about it.
+//! Global search for the film whose curve fits the points, from many starts, since the misfit has many minima. Samples
+//! of the points are used first, then, near the curve, sums of all points about it.
 
 use crate::angle_difference;
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
@@ -16,49 +16,51 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-/// Points that starts are tried on, and that the best ones are followed on; the last ones are fitted to [`SAMPLE`].
+/// Points on which starts are tested, and on which the best ones are followed; the last ones are fitted to [`SAMPLE`].
 const TRIED: usize = 200;
 const FOLLOWED: usize = 400;
 
-/// Curves that are tried for a few steps, that are followed, and that are fitted to more points.
+/// Number of curves that are tested for a few steps, that are followed, and that are fitted to more points.
 const STARTS: usize = 120;
 const KEPT: usize = 40;
 const FINALISTS: usize = 6;
 
-/// Orientations that differ by no more than this in rad are the same.
+/// Orientation difference in rad up to which results count as equal.
 const SAME: f64 = 4e-3;
 
-/// And by no more than this, places in the valley of the same minimum.
+/// Orientation difference in rad up to which results belong to the same minimum.
 const SAME_MINIMUM: f64 = 0.1;
 
-/// What is expected of parameters, where the points do not tell: ln r (gratings that polarize are rare), retardance (up to 10° in the paper) and
-/// front reflection of packaging films, a retarder within a few degrees, stray light of a dark room.
+/// Priors of the parameters. They assume that strongly polarizing gratings are rare (ln r), packaging films (retardance
+/// up to 10° in the paper, front reflection), a retarder error of a few degrees, and the stray light of a dark room.
 const EXPECTED: [Expected; PARAMETERS] = {
     use Expected::{Anything, Mostly, Near};
     [Mostly(0.5), Anything, Near(0.15), Anything, Near(0.1), Near(0.1), Near(0.03), Near(0.015), Near(0.5)]
 };
 
-/// The parts of a front reflection, and how large each is held possible when it is told how wrong a fit may be (glass has an amplitude of 0.2). Fits expect
-/// less: many films have none, and what no parameter holds is soon taken for one.
+/// Real and imaginary part of the front reflection, and the standard deviation of each in the error estimate (glass has
+/// an amplitude of 0.2). The prior of the fit is narrower: many films have none, and unmodelled effects would be
+/// attributed to it.
 const FRONT: [usize; 2] = [4, 5];
 const POSSIBLE_FRONT: Expected = Expected::Near(0.15);
 
-/// And how far from 0 they may be at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
+/// Largest absolute values: unmodelled effects must not be fitted by an extreme film, such as glass fibre behind a
+/// mirror.
 const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 1.65, f64::INFINITY, 0.6, 0.6, 0.1, 0.1, 1.0];
 
-/// The film's retardance.
+/// Index of the film's retardance.
 const RETARDANCE: usize = 2;
 
-/// Whether the film delays as much as any that is looked for, so that the true one may delay more.
+/// Whether the film has the largest retardance of the search, so that the true one may be larger.
 pub(crate) fn at_limit(film: &Film) -> bool {
     film.retardance.abs() > 0.99 * LIMITS[RETARDANCE]
 }
 
-/// Stray light, and the parameter that only mirrors have.
+/// Indices of stray light, and of the parameter that only affects bare metal.
 const STRAY: usize = 7;
 const SHADE: usize = 8;
 
-/// A set of parameters that is fitted, and what of the light it adds to the film.
+/// A set of fitted parameters, and the optical effects that it adds to the film.
 type Set = (&'static [usize], &'static [&'static str]);
 const SETS: [Set; 4] = [
     (&[0, 1, 2, 3], &[]),
@@ -67,7 +69,7 @@ const SETS: [Set; 4] = [
     (&[0, 1, 2, 3, 4, 5, 6, STRAY], &["stray", "front", "source"]),
 ];
 
-/// The same with metal without a grating in view, whose shade matters to stray light and to the front reflection only.
+/// Sets with metal without a grating in view, whose shade only affects stray light and the front reflection.
 const MIRROR_SETS: [Set; 4] = [
     (&[0, 1, 2, 3], &["mirror"]),
     (&[0, 1, 2, 3, STRAY, SHADE], &["stray", "mirror"]),
@@ -75,32 +77,33 @@ const MIRROR_SETS: [Set; 4] = [
     (&[0, 1, 2, 3, 4, 5, 6, STRAY, SHADE], &["stray", "front", "source", "mirror"]),
 ];
 
-/// A grating that reflects one polarization only, which no ζ matters to. Its light is fully polarized but for the film: the circle's radius is
-/// nearly 1.
+/// A grating that reflects a single polarization, for which ζ is irrelevant. Its light is fully polarized except for
+/// the film: the circle's radius is nearly 1.
 pub(crate) const POLARIZER: Set = (&[2, 3], &["polarizer"]);
 const POLARIZED: f64 = 0.9;
 
-/// Near to that, ln r is hardly told, and what explains the points is no place but a valley: places along it, by ln r.
+/// Near the polarizer limit ln r is hardly observable and the minimum is a valley: the search then holds ln r fixed at
+/// several values.
 const HELD: Set = (&[1, 2, 3], &[]);
 const VALLEY: [f64; 4] = [1.0, 2.0, 3.5, 5.0];
 
-/// Where a search begins.
+/// Start of a search.
 #[derive(Clone, Copy)]
 pub(crate) enum Begin<'a> {
-    /// At films of all kinds.
+    /// Films of all kinds.
     Anywhere,
-    /// At these, from a search on nearly the same points.
+    /// Given films, from a search on nearly the same points.
     At(&'a [Film]),
 }
 
-/// Points that scatter this much more about every curve (as a variance) than their noise may be metal without a grating.
+/// Scatter variance about every curve, relative to the noise, from which bare metal is considered.
 const MIRRORS_IN_VIEW: f64 = 1.2;
 
-/// Points that scatter by no more than this about a curve, as a variance over their noise, lie on it: two standard deviations of [`SAMPLE`] of them.
+/// Scatter variance about a curve, relative to the noise, up to which points lie on it: two standard deviations for
+/// [`SAMPLE`] points.
 pub(crate) const ENOUGH: f64 = 1.05;
 
-/// The curve with four to eight free parameters, and with metal without a grating where that explains the points
-/// better.
+/// Fits the curve with four to eight free parameters, and with bare metal where that fits better.
 pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) -> Vec<Candidate> {
     let of = |count| thinned(points, count);
     let samples =
@@ -116,7 +119,8 @@ pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
             (sets, found) = (&MIRROR_SETS, with_mirrors);
         }
     }
-    // All films that explain the points run near to the best one, and sums about it tell them apart as all points do.
+    // All films that explain the points have curves close to the best one, and sums about it distinguish them as all
+    // points do.
     let Some(sums) = found.best.and_then(|(set, film)| about(&set, &film, points)) else { return vec![] };
     let mut films = found.films();
     if let Begin::Anywhere = begin {
@@ -126,7 +130,7 @@ pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
     let of_sums =
         Samples { tried: sums.clone(), followed: sums.clone(), last: sums.clone(), enough: 0.0, score: |_, f| f.cost };
     let found = of_sums.search_all(sets, films);
-    // What is a minimum with fewer parameters, or with more, may lead to one.
+    // A minimum for fewer or more parameters is a good start for another set.
     let films = found.films();
     let polarized = 0.5 * (circle.at(0.0)[0] - circle.at(FRAC_PI_2)[0]).abs() > POLARIZED;
     let mut all = if polarized { finish(&POLARIZER, &films, &sums, points) } else { vec![] };
@@ -136,7 +140,8 @@ pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
     all
 }
 
-/// Candidates of the simplest set that are no minima: the best ones of given ln r, from a polarizer behind a film.
+/// Candidates of the simplest set along the valley: the best ones for given ln r, starting from a polarizer behind a
+/// film.
 fn along_valley(polarizer: &Film, sums: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
     let at = |ln_r: &f64| {
         let start = |k: u32| Film { zeta: FRAC_PI_4 * f64::from(k), ..*polarizer };
@@ -158,11 +163,11 @@ fn about(set: &Set, film: &Film, points: &[CloudPoint]) -> Option<Vec<CloudPoint
     Some(summed_up(points, &fitted.curve))
 }
 
-/// What a search has found.
+/// Result of a search.
 struct Found {
-    /// Per set of parameters the most promising films.
+    /// The most promising films per set of parameters.
     films: Vec<(Set, Vec<Film>)>,
-    /// The best of all, its -2 ln likelihood, and the scatter of the points about it over their noise, as a variance.
+    /// The best of all, its −2 ln likelihood, and the scatter variance of the points about it relative to their noise.
     best: Option<(Set, Film)>,
     score: f64,
     widened: f64,
@@ -174,18 +179,19 @@ impl Found {
     }
 }
 
-/// Points to fit, in smaller and smaller samples, and which fit to them is better.
+/// Nested samples of the points, and the score that ranks fits to them.
 struct Samples {
     tried: Vec<CloudPoint>,
     followed: Vec<CloudPoint>,
     last: Vec<CloudPoint>,
-    /// Points that scatter about a curve by less than this (as a variance, over their noise) need no more parameters.
+    /// Scatter variance relative to the noise below which no more parameters are needed.
     enough: f64,
     score: fn(&[CloudPoint], &Fitted) -> f64,
 }
 
 impl Samples {
-    /// Searches with one set of parameters after the other. Each is begun where the one before ended and at many other places.
+    /// Searches with one set of parameters after the other. Each starts from the previous result and from many other
+    /// films.
     fn search_all(&self, sets: &[Set], mut begun: Vec<Film>) -> Found {
         let mut found = Found { films: vec![], best: None, score: f64::INFINITY, widened: f64::INFINITY };
         for set in sets {
@@ -226,12 +232,12 @@ impl Samples {
     }
 }
 
-/// Whether orientations under two curves are the same.
+/// Whether two curves give the same orientations.
 pub(crate) fn alike(a: &Curve, b: &Curve) -> bool {
     same_orientations(a, b, SAME)
 }
 
-/// The candidates of a set from the most promising films: the best one, and what explains the points as well with other
+/// Candidates of a set from the most promising films: the best one, and others with an equal fit but other
 /// orientations.
 fn finish(set: &Set, films: &[Film], sums: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
     let free = set.0;
@@ -239,7 +245,7 @@ fn finish(set: &Set, films: &[Film], sums: &[CloudPoint], points: &[CloudPoint])
         let fits = films.par_iter().filter_map(|start| family.fit(sums, &taken(free, start), 60));
         let near = distinct(best_first(fits, |f| f.cost));
         let fits = near.par_iter().take(2).filter_map(|f| family.fit(points, &f.parameters, 10));
-        // A front reflection, retarder error or stray light at its limit stands for something that the model does not hold.
+        // A front reflection, retarder error or stray light at its limit indicates an unmodelled effect.
         let inside = |f: &Fitted| {
             let mut more = free.iter().zip(&f.parameters).filter(|(k, _)| (4..SHADE).contains(*k));
             more.all(|(k, p)| p.abs() < 0.99 * LIMITS[*k])
@@ -265,7 +271,7 @@ fn candidate(set: &Set, family: &Family<'_>, fit: &Fitted, film: Film, points: &
     }
 }
 
-/// A fit that knows as little of its front reflection as is held possible.
+/// A fit with the wider prior of the front reflection.
 fn less_told(set: &Set, fit: &Fitted) -> Fitted {
     let mut fit = fit.clone();
     for (i, k) in set.0.iter().enumerate().filter(|(_, k)| FRONT.contains(k)) {
@@ -274,12 +280,12 @@ fn less_told(set: &Set, fit: &Fitted) -> Fitted {
     fit
 }
 
-/// The set of parameters that a candidate has; None for a circle.
+/// The set of parameters of a candidate; `None` for a circle.
 fn set_of(like: &Candidate) -> Option<&'static Set> {
     SETS.iter().chain(&MIRROR_SETS).chain([&POLARIZER]).find(|set| like.film.is_some() && set.1 == like.extended)
 }
 
-/// A candidate's model with parameters that are fitted to other points, from where they are.
+/// Refits a candidate's model to other points, starting from its parameters.
 pub(crate) fn refitted(like: &Candidate, points: &[CloudPoint]) -> Option<Candidate> {
     let Some(film) = like.film else { return candidates(points).into_iter().find(|c| c.model == like.model) };
     let set = set_of(like)?;
@@ -289,8 +295,8 @@ pub(crate) fn refitted(like: &Candidate, points: &[CloudPoint]) -> Option<Candid
     })
 }
 
-/// The likeliest curve near a film, with the parameters of a candidate; None for a circle. Scatter is told relative to the noise as it was for the
-/// candidate: that of these points may be wider already.
+/// The maximum-likelihood curve near a film, with the parameters of a candidate; `None` for a circle. The scatter keeps
+/// the noise reference of the candidate, since the variances of these points may already be widened.
 pub(crate) fn likelier(like: &Candidate, start: Film, points: &[CloudPoint]) -> Option<Candidate> {
     let set = set_of(like)?;
     with_family(set, |family, film| {
@@ -300,7 +306,7 @@ pub(crate) fn likelier(like: &Candidate, start: Film, points: &[CloudPoint]) -> 
     })
 }
 
-/// -2 ln likelihood of points and of the parameters of a fit to them.
+/// −2 ln likelihood of points and of the parameters of a fit to them.
 fn likelihood(points: &[CloudPoint], fit: &Fitted) -> f64 {
     let of_points = if points.len() < MIXTURE {
         evidence::misfit(points, &fit.curve)
@@ -310,29 +316,30 @@ fn likelihood(points: &[CloudPoint], fit: &Fitted) -> f64 {
     of_points + fit.prior
 }
 
-/// The same film with front reflections of all phases, weaker over mirrors: from none, a fit may end at another minimum.
+/// The same film with front reflections of all phases, weaker over bare metal: from zero, a fit may converge to another
+/// minimum.
 fn with_fronts(film: &Film) -> Vec<Film> {
     let fronts = (0..8).map(|k| Complex::from_polar(0.1, FRAC_PI_4 * f64::from(k)));
     fronts.map(|front| Film { front: film.front + front, shade: 0.5, ..*film }).collect()
 }
 
-/// The parameters of a film that are free.
+/// The free parameters of a film.
 fn taken(free: &[usize], film: &Film) -> Vec<f64> {
     let all = film.to_array();
     free.iter().map(|k| all[*k].clamp(-LIMITS[*k], LIMITS[*k])).collect()
 }
 
-/// Whether a set takes some points for metal without a grating.
+/// Whether a set includes bare metal.
 fn mirrors(set: &Set) -> bool {
     set.1.contains(&"mirror")
 }
 
-/// Does something with the family of films whose other parameters are 0, and the film of its parameters.
+/// Calls `work` with the family of films whose other parameters are 0, and with the map from parameters to films.
 fn with_family<T>(set: &Set, work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T) -> T {
     with_family_of(set, if set.1 == POLARIZER.1 { LIMITS[0] } else { 0.0 }, work)
 }
 
-/// The same with this ln r, where that is no parameter.
+/// As [`with_family`], with a fixed ln r where it is no parameter.
 fn with_family_of<T>(set: &Set, ln_r: f64, work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T) -> T {
     let (free, mirrors) = (set.0, mirrors(set));
     let film = |p: &[f64]| {
@@ -349,15 +356,15 @@ fn with_family_of<T>(set: &Set, ln_r: f64, work: impl FnOnce(&Family<'_>, &(dyn 
     work(&Family { curve: &curve, expected: &expected, limits: &limits }, &film)
 }
 
-/// Fits with their scores, the least first.
+/// Fits with their scores, the smallest first.
 fn best_first(fits: impl ParallelIterator<Item = Fitted>, score: impl Fn(&Fitted) -> f64 + Sync) -> Vec<(f64, Fitted)> {
     let mut scored: Vec<(f64, Fitted)> = fits.map(|fit| (score(&fit), fit)).collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored
 }
 
-/// The first few that do not give the same orientations, up to one offset: first those of other minima, as long as they explain
-/// the points nearly as well, then others of the same. With more parameters the next minimum may turn out to be the lower one.
+/// The best fits with distinct orientations, up to a common offset: first those of other minima with a nearly equal
+/// score, then others of the same minimum. With more parameters the next minimum may become the lower one.
 fn distinct(fits: Vec<(f64, Fitted)>) -> Vec<Fitted> {
     let hopeless = fits.first().map_or(0.0, |(_, best)| 2.0 * best.cost);
     let (mut minima, mut others): (Vec<Fitted>, Vec<Fitted>) = (vec![], vec![]);
@@ -373,7 +380,7 @@ fn distinct(fits: Vec<(f64, Fitted)>) -> Vec<Fitted> {
     minima
 }
 
-/// Whether orientations under two curves differ by no more than `limit` in rad, but for a common offset.
+/// Whether orientations under two curves differ by at most `limit` in rad, after removal of a common offset.
 fn same_orientations(a: &Curve, b: &Curve, limit: f64) -> bool {
     const PLACES: usize = 24;
     let path = Path::new(*b);

@@ -1,8 +1,8 @@
-//! A few orientations and no others: the points lie at as many spots of a curve.
+//! Discrete orientations: the points concentrate at a few spots of a curve.
 //!
-//! Weights of places end near to such a distribution, but no place is where a spot is, and expectation and maximization takes thousands of rounds
-//! to gather weights at the two places beside it: points seem less likely by some twenty (-2 ln) per spot, more or less as the curve runs. Here
-//! spots move along the curve instead.
+//! Fitted weights converge to such a distribution, but a spot usually lies between two support points. Expectation
+//! maximisation takes thousands of iterations to concentrate the weights at both, and the points seem less likely by
+//! about twenty (−2 ln) per spot, depending on the curve. Here the spots move along the curve instead.
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
@@ -11,43 +11,43 @@ use crate::film::pulls::{Place, Pulls};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Weights below this are none: less than a point.
+/// Weight below which a spot is dropped: less than a point.
 const NONE: f64 = 1e-6;
 
-/// More spots than this are no few orientations.
+/// Maximum number of spots; more do not count as discrete.
 const MOST: usize = 48;
 
-/// Weights that spread along the curve by no more than this are those of a spot: standard deviations of a typical point.
+/// Largest spread of weights along the curve that counts as a spot, in standard deviations of a typical point.
 const NARROW: f64 = 0.75;
 
-/// Rounds, in each of which a spot moves to the middle of its points.
+/// Iterations, in each of which a spot moves to the centre of its points.
 const ROUNDS: usize = 12;
 
 /// Points per task.
 const CHUNK: usize = 1024;
 
-/// Spots on a curve, how many points there are at each, and on nothing and on metal without a grating.
+/// Spots on a curve, with the shares of points at each, of outliers and of bare metal.
 pub(crate) struct Spots<'a> {
     curve: &'a Curve,
     thetas: Vec<f64>,
-    /// Of each spot, of what strays and of mirrors.
+    /// Weights of the spots, of outliers and of bare metal.
     weights: Vec<f64>,
 }
 
-/// What points tell of spots.
+/// Sums over points for an update of the spots.
 #[derive(Clone)]
 struct Sums {
-    /// How many points come from each spot, from nothing and from mirrors.
+    /// Number of points from each spot, of outliers and of bare metal.
     weights: Vec<f64>,
-    /// Of spots and of mirrors: what pulls at them.
+    /// Scores of the spots and of bare metal.
     pulls: Vec<[f64; 2]>,
-    /// How much their places are told along the curve.
+    /// Information about their positions along the curve.
     told: Vec<f64>,
     misfit: f64,
 }
 
 impl<'a> Spots<'a> {
-    /// The spots that weights of places have gathered at; None where they have not.
+    /// The spots at which weights have concentrated; `None` if they have not.
     pub fn gathered(curve: &'a Curve, places: &Places, weights: &[f64], [straying, mirror]: [f64; 2]) -> Option<Self> {
         let count = weights.len();
         let first = weights.iter().position(|w| *w < NONE)?;
@@ -68,7 +68,7 @@ impl<'a> Spots<'a> {
         (!spots.thetas.is_empty()).then_some(spots)
     }
 
-    /// Moved and weighted so that points are likeliest.
+    /// Maximises the likelihood over positions and weights.
     pub fn fitted(mut self, points: &[CloudPoint]) -> Self {
         for _ in 0..ROUNDS {
             let sums = self.sums(points);
@@ -91,7 +91,7 @@ impl<'a> Spots<'a> {
         points.par_iter().map(|point| -2.0 * self.shares(point, &at, &mut vec![])).collect()
     }
 
-    /// How points pull.
+    /// Score of the points.
     pub fn pulls(&self, points: &[CloudPoint]) -> Pulls {
         let Sums { pulls, misfit, .. } = self.sums(points);
         let mirror = pulls.last().copied().unwrap_or_default();
@@ -99,12 +99,12 @@ impl<'a> Spots<'a> {
         Pulls { misfit, places: places.collect(), mirror }
     }
 
-    /// Where spots are, and mirrors if there are any.
+    /// Positions of the spots, and of bare metal if there is any.
     fn at(&self) -> Vec<[f64; 2]> {
         self.thetas.iter().map(|theta| self.curve.at(*theta)).chain(self.curve.mirror).collect()
     }
 
-    /// ln likelihood of a point; its shares that come from each spot, from mirrors and from nothing, in this order.
+    /// ln likelihood of a point, and its posterior shares: of each spot, of bare metal and of outliers, in this order.
     fn shares(&self, point: &CloudPoint, at: &[[f64; 2]], shares: &mut Vec<f64>) -> f64 {
         let density = log_density(point.covariance);
         let spots = self.thetas.len();
@@ -182,8 +182,9 @@ mod tests {
         (0..20_000).map(point).collect()
     }
 
-    /// Five spots anywhere are as likely as a plain sum says, but for the nine numbers that are fitted to them, and pull nowhere along the curve:
-    /// their middle is fitted. Places alone are 44 to 55 short of it, held out or not.
+    /// Five random spots have the likelihood of a direct sum, apart from the nine fitted parameters, and zero score
+    /// along the curve, since their centres are fitted. Support points alone fall short of it by 44 to 55, held out or
+    /// not.
     #[test]
     fn spots_are_as_likely_as_a_plain_sum_says() {
         let curve = Curve::circle([0.0; 2], 0.25);
@@ -198,7 +199,7 @@ mod tests {
             let truth: f64 = points.iter().enumerate().map(truth).sum();
             let found = pulls(&points, &curve);
             let held_out: f64 = terms(&points, &curve).iter().sum();
-            // χ² of nine numbers is beyond 25 once in 300; held out, they cost as much.
+            // χ² of nine parameters exceeds 25 once in 300; held out, they cost as much.
             assert!((-25.0..0.5).contains(&(found.misfit - truth)), "{} {truth}", found.misfit);
             assert!((-1.0..25.0).contains(&(held_out - truth)), "{held_out} {truth}");
             assert_eq!(found.places.len(), 5);
@@ -206,13 +207,13 @@ mod tests {
                 let (_, [x, y]) = curve.with_tangent(p.theta);
                 (p.pull[0] * x + p.pull[1] * y) / x.hypot(y)
             };
-            // In standard deviations of the middle of 4000 points.
+            // In standard deviations of the centre of 4000 points.
             let most = found.places.iter().map(|p| along(p).abs() * SIGMA / 4000f64.sqrt()).fold(0.0, f64::max);
             assert!(most < 1e-3, "{most}");
         }
     }
 
-    /// Orientations in between are no spots, and neither are some on a stretch of the curve.
+    /// Orientations in between, and orientations on a segment of the curve, are not spots.
     #[test]
     fn what_is_spread_is_no_spots() {
         let curve = Curve::circle([0.0; 2], 0.25);

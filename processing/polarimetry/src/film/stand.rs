@@ -1,38 +1,38 @@
-//! Where the camera stands, and whether oblique incidence is corrected for.
+//! Camera position, and the choice of the oblique-incidence correction.
 
 use nacre_frames::Distances;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Whether oblique incidence is taken out.
+/// Correction of oblique incidence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Oblique {
-    /// Where the geometry is known and the points are likelier then.
+    /// Applied if the geometry is known and the likelihood increases.
     Auto,
     /// Never.
     #[default]
     Off,
 }
 
-/// Where the camera stands over the photographs.
+/// Position of the camera above the photographs.
 #[derive(Clone, Copy, Debug)]
 pub struct Stand {
     pub(crate) width: usize,
     /// Pixel below the camera.
     pub(crate) foot: [f32; 2],
-    /// Distance of the camera in pixels, squared.
+    /// Squared distance of the camera in pixels.
     pub(crate) distance2: f32,
     pub(crate) largest_sin2: f64,
 }
 
 impl Stand {
-    /// From the distances on the bench, for photographs of this size in which a pixel of the maps is `block` pixels wide; None
-    /// when the size of a pixel is not known.
+    /// Position from the distances on the bench, for photographs of this size and map pixels of `block` photograph
+    /// pixels; `None` if the pixel size is unknown.
     pub fn new(geometry: &Distances, [width, height]: [usize; 2], block: usize) -> Option<Self> {
         let pixel_mm = geometry.pixel_um? / 1000.0;
         let middle = [0.5 * width as f64, 0.5 * height as f64];
-        // The sample lies half-way between the camera and the light, which stands to the right of the camera.
+        // The sample lies midway between the camera and the light, which is to the right of the camera.
         let below = geometry.camera_px.unwrap_or([middle[0] - 0.5 * geometry.baseline_mm / pixel_mm, middle[1]]);
         let distance2 = (geometry.distance_mm / pixel_mm).powi(2);
         let corners = [[0.0, 0.0], [width as f64, 0.0], [0.0, height as f64], [width as f64, height as f64]];
@@ -47,7 +47,8 @@ impl Stand {
         })
     }
 
-    /// sin² of the angle of incidence at a pixel, and the same times cosine and sine of twice the azimuth of its plane.
+    /// sin² of the angle of incidence at a pixel, and its products with cosine and sine of twice the azimuth of the
+    /// plane of incidence.
     #[inline]
     pub(crate) fn at(&self, pixel: usize) -> [f32; 3] {
         let (x, y) = ((pixel % self.width) as f32 - self.foot[0], self.foot[1] - (pixel / self.width) as f32);

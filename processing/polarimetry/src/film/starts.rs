@@ -1,4 +1,4 @@
-//! Films that a search begins at: the most promising of a grid, and what a circle through the points can mean.
+//! Starts of the film search: the most promising films of a grid, and those that explain a circle through the points.
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::{Curve, Film};
@@ -8,8 +8,8 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-/// The most promising of a grid of films, and of those that a circle through the points can mean. Promising is a curve
-/// that is near to the points, or near for its length.
+/// The most promising films of a grid and of the explanations of a circle: those whose curve is close to the points,
+/// absolutely or relative to its length.
 pub(crate) fn starts(points: &[CloudPoint], circle: &Curve, count: usize) -> Vec<Film> {
     let (mirrors, others): (Vec<_>, Vec<_>) = grid().into_iter().partition(is_mirror_like);
     let mut begun = vec![];
@@ -26,25 +26,25 @@ pub(crate) fn starts(points: &[CloudPoint], circle: &Curve, count: usize) -> Vec
     begun
 }
 
-/// The films of the grid whose curves are nearest to the points.
+/// The films of the grid whose curves are closest to the points.
 pub(crate) fn nearest(points: &[CloudPoint], count: usize) -> Vec<Film> {
     let near = |film: Film| (distance(&Path::new(film.curve()).feet(points)), film);
     best(grid().into_par_iter().map(near).collect(), count)
 }
 
-/// How far points are off a film's curve, and the same for its length.
+/// Distance of points from a film's curve, absolute and relative to its length.
 fn scored(points: &[CloudPoint], film: Film) -> ((f64, Film), (f64, Film)) {
     let curve = film.curve();
     let feet = Path::new(curve).feet(points);
     ((distance(&feet), film), (evidence::screening(points, &feet, &curve), film))
 }
 
-/// How far points are off a curve in all, each by as much as matters at most.
+/// Total distance of points from a curve, each limited to a maximum.
 fn distance(feet: &[Foot]) -> f64 {
     feet.iter().map(|f| f.distance.abs().min(1e6)).sum()
 }
 
-/// The films of the least scores, the least first.
+/// The films of smallest scores, in increasing order.
 fn best(mut scored: Vec<(f64, Film)>, count: usize) -> Vec<Film> {
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.into_iter().take(count).map(|(_, film)| film).collect()
@@ -65,9 +65,9 @@ fn grid() -> Vec<Film> {
     films
 }
 
-/// Films whose curve is nearly this circle, in groups that differ by what is hardly seen: the phase of a/b. The circle's
-/// radius gives |a/b| or |b/a|, since a circle off the origin has two explanations: by what the film does to the constant
-/// part of the field, or to the one that turns with the grating. Its centre gives the film.
+/// Films whose curve is nearly this circle, in groups that differ in a weakly observable parameter, the phase of a/b.
+/// The circle's radius gives |a/b| or |b/a|. An off-centre circle can result from the film's effect on the constant
+/// part of the field, or on the part that rotates with the grating. The centre gives the film.
 fn explanations(circle: &Curve) -> Vec<Vec<Film>> {
     let (a, b) = (circle.at(0.0), circle.at(FRAC_PI_2));
     let (radius, [x, y]) = (0.5 * (a[0] - b[0]).abs().min(1.98), [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]);
@@ -76,7 +76,7 @@ fn explanations(circle: &Curve) -> Vec<Vec<Film>> {
     for size in [small, 1.0 / small.max(1e-6)] {
         let share = size * size / (1.0 + size * size);
         let retardance = 0.5 * (x.hypot(y) / share.max(1.0 - share)).min(1.0).asin();
-        // Where |a| and |b| are alike, both act, and the centre is their sum or difference.
+        // For |a| close to |b| both effects contribute, and the centre is their sum or difference.
         for (turn, much) in (0..4).flat_map(|turn| [0.6, 1.0, 1.8].map(|much| (turn, much))) {
             let (axis, retardance) = (0.5 * y.atan2(x) + FRAC_PI_4 * f64::from(turn), much * retardance);
             let ratios = (0..8).map(|phase| {
@@ -92,7 +92,7 @@ fn explanations(circle: &Curve) -> Vec<Vec<Film>> {
     groups
 }
 
-/// |a| > |b|: the grating acts as a mirror more than as a half-wave plate.
+/// |a| > |b|: the grating acts as a mirror rather than as a half-wave plate.
 fn is_mirror_like(film: &Film) -> bool {
     film.zeta.cos() < 0.0
 }

@@ -1,5 +1,5 @@
-//! Points about a curve, summed up place by place: curves that all run near to this one are told apart by the sums as by the points, in a
-//! hundredth of the time.
+//! Points about a curve, summed up per segment. The sums distinguish curves close to this one as well as the points do,
+//! in a hundredth of the time.
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
@@ -7,15 +7,16 @@ use crate::film::foot::{Foot, feet};
 use crate::film::normal::CAUCHY;
 use std::f64::consts::PI;
 
-/// Stretches of equal angle whose points are summed up: curves of films differ by a few waves around.
+/// Segments of equal angle: curves of films differ by a few waves per turn.
 const STRETCHES: usize = 128;
 
-/// By how much of its standard deviation, at most, a sum may come nearer to a curve by moving along it: so all stretches together change what
-/// curves differ by (-2 ln likelihood) by no more than 128 · 0.1², about 1.
+/// Largest decrease of a sum's distance to a curve by moving along it, in standard deviations. All segments together
+/// then change the difference of curves (−2 ln likelihood) by at most 128 · 0.1², about 1.
 const BENT: f64 = 0.1;
 
-/// Mean offsets across a curve of the points in each of its stretches, as points: of little variance across, as many are summed up, and so far
-/// uncertain along it that the bend within does not matter. Points on metal without a grating are another one.
+/// Mean offsets across a curve of the points in each segment, as points. Their variance across the curve is that of the
+/// mean. Their variance along it is so large that the bend within the segment is irrelevant. Points on bare metal form
+/// a further one.
 pub(crate) fn summed_up(points: &[CloudPoint], curve: &Curve) -> Vec<CloudPoint> {
     let mut stretches = vec![Stretch::default(); STRETCHES];
     let mut mirror = Mirror::default();
@@ -30,20 +31,20 @@ pub(crate) fn summed_up(points: &[CloudPoint], curve: &Curve) -> Vec<CloudPoint>
     stretches.iter().filter_map(|s| s.point(curve)).chain(mirror.point()).collect()
 }
 
-/// What far points count, as in fits.
+/// Robust weight of distant points, as in fits.
 fn weight(foot: &Foot) -> f64 {
     1.0 / (1.0 + (foot.distance / CAUCHY).powi(2))
 }
 
-/// Sums of the points of a stretch.
+/// Sums of the points of a segment.
 #[derive(Clone, Default)]
 struct Stretch {
-    /// Of weights, inverse variances across the curve.
+    /// Sum of weights: inverse variances across the curve.
     weight: f64,
-    /// Of offsets across, and of sine and cosine of twice the orientation, times these.
+    /// Weighted sums of offsets across, and of sine and cosine of twice the orientation.
     offset: f64,
     turn: [f64; 2],
-    /// Of variances along, times these.
+    /// Weighted sum of variances along the curve.
     along: f64,
 }
 
@@ -60,7 +61,7 @@ impl Stretch {
         self.along += weight * (a * c - b * b) * square;
     }
 
-    /// None where no points are.
+    /// `None` for an empty segment.
     fn point(&self, curve: &Curve) -> Option<CloudPoint> {
         let [sin, cos] = self.turn;
         let length = sin.hypot(cos);
@@ -74,7 +75,8 @@ impl Stretch {
         let across = 1.0 / self.weight;
         let curvature = (nx * bend[0] + ny * bend[1]) / (speed * speed);
         let along = (self.along / self.weight).min(2.0 * BENT * across.sqrt() / curvature.abs());
-        // Feet take off again what noise along the curve adds to a distance, which offsets are without.
+        // Projections subtract the mean effect of noise along a bent curve, which offsets do not contain, so it is
+        // added here.
         let offset = self.offset / self.weight - 0.5 * curvature * along;
         let covariance = [
             across * nx * nx + along * tx * tx,
@@ -85,10 +87,10 @@ impl Stretch {
     }
 }
 
-/// Sums of the points on metal without a grating.
+/// Sums of the points on bare metal.
 #[derive(Default)]
 struct Mirror {
-    /// Of inverse covariances, and of these times places.
+    /// Sums of inverse covariances, and of their products with the positions.
     weights: [f64; 3],
     at: [f64; 2],
 }
@@ -120,9 +122,10 @@ mod tests {
     use crate::film::curve::Film;
     use crate::synthetic::normal;
 
-    /// How much less likely films are than the true one is the same by 40,000 points and by their sums; and these lie on the true curve to their
-    /// noise. Weights of normal noise are 0.914 on average, of which robust costs rise by 0.776, so that sums tell up to 1.18 times as much, less
-    /// where they are far off themselves; and squares of their distances are 0.678 on average, ± 0.085 for 128.
+    /// The likelihood difference of films from the true one is the same by 40,000 points and by their sums. The sums
+    /// lie on the true curve within their noise. Robust weights of normal noise are 0.914 on average, and robust costs
+    /// rise by 0.776 of them. Sums therefore give up to 1.18 times the difference, and less for large distances. Their
+    /// squared distances are 0.678 on average, ± 0.085 for 128.
     #[test]
     fn films_are_told_apart_as_by_all_points() {
         let film = Film { ln_r: 0.2, zeta: 1.0, retardance: 0.15, axis: 0.6, ..Film::NONE };

@@ -1,33 +1,33 @@
-//! How many points come from each place of a curve: the weights that make points likeliest, the points themselves or others of the same
-//! distribution, by expectation and maximization.
+//! Mixing weights of the support points of a curve, fitted by expectation maximisation to the points themselves or to
+//! held-out points of the same distribution.
 
 use crate::film::places::{LANES, Row, Rows, Run};
 use nacre_base::parallel::sum_in_order;
 use nacre_base::vectors::vectorised;
 use rayon::prelude::*;
 
-/// Powers of the gain in a cycle of expectation and maximization: those of Chebyshev's iteration, which go as far as eight
-/// rounds of power 1. Powers beyond 2 may lead astray, so that the larger one is halved when it does.
+/// Exponents of the gain in a cycle of expectation maximisation, from Chebyshev's iteration; a cycle is equivalent to
+/// eight iterations with exponent 1. Exponents above 2 may diverge, in which case the larger one is halved.
 const POWERS: [f32; 2] = [6.83, 1.17];
 const CYCLES: usize = 24;
 
-/// A cycle that makes the points likelier by less than this (in ln) is the last.
+/// Gain in ln likelihood below which the cycles end.
 const SETTLED: f64 = 0.3;
 
-/// Cycles in a row that make points which are held out no likelier, and end a search.
+/// Consecutive cycles without gain on held-out points after which a search ends.
 const PATIENCE: usize = 2;
 
-/// The most that a weight changes in a round, as ln.
+/// Largest change of a weight in an iteration, as ln.
 const LEAP: f32 = 3.0;
 
-/// Share of points on nothing, anywhere in the unit disc (edges, dust), that is begun with.
+/// Initial share of outliers (edges, dust), uniform in the unit disc.
 const STRAYING: f64 = 0.01;
 
-/// Least likelihood of a point in units of its own.
+/// Smallest likelihood of a point in its own unit.
 const IMPOSSIBLE: f64 = 1e-200;
 
 impl Rows {
-    /// Does something with each point and its likelihood, its runs and their values.
+    /// Calls `work` with each point and its likelihood, its runs and their values.
     #[inline(always)]
     pub fn each(&self, weights: &Weights, mut work: impl FnMut(&Row, f64, &[Run], &[f32])) {
         let (mut runs, mut values) = (self.runs.as_slice(), self.values.as_slice());
@@ -60,7 +60,8 @@ impl Rows {
         total
     }
 
-    /// Sums over points of what each place adds to their likelihood, over it; the same of straying and of mirrors; and the sum of ln likelihoods.
+    /// Sums over points of the relative contribution of each support point to their likelihood, the same for outliers
+    /// and bare metal, and the sum of ln likelihoods.
     fn gains(&self, weights: &Weights) -> (Vec<f32>, [f64; 2], f64) {
         let mut sums = vec![0.0_f32; weights.twice.len()];
         let (mut others, mut total, mut product) = ([0.0; 2], 0.0, 1.0);
@@ -71,7 +72,7 @@ impl Rows {
                     weights,
                     #[inline(always)]
                     |row, likelihood, runs, values| {
-                        // What is farther from all that is likely counts as much as this.
+                        // Limits the contribution of points far from all support points.
                         let scale = 1.0 / likelihood.max(1e-30);
                         let mut left = values;
                         for run in runs {
@@ -97,18 +98,18 @@ impl Rows {
     }
 }
 
-/// How many points there are at each place.
+/// Mixing weights of the support points.
 #[derive(Clone)]
 pub(crate) struct Weights {
     pub places: Vec<f64>,
     pub straying: f64,
     pub mirror: f64,
-    /// Those of places twice over, and some more, so that no run ends before its last place.
+    /// Weights of the support points, stored twice and padded, so that no run exceeds the end.
     twice: Vec<f32>,
 }
 
 impl Weights {
-    /// Those of so many places, and of mirrors where there are any, that make points likeliest.
+    /// Maximum-likelihood weights of `places` support points, and of bare metal if `mirrors`.
     pub fn likeliest(chunks: &[Rows], places: usize, mirrors: bool) -> Self {
         let mut search = Search::new(chunks, places, mirrors);
         for _ in 0..CYCLES {
@@ -119,11 +120,12 @@ impl Weights {
         search.weights
     }
 
-    /// The same, of those that the search passes the ones that make other points likeliest. What is fitted to chance makes these less likely, the
-    /// more the longer a search goes on, and curves are not to be told apart by how long it did.
+    /// Of the weights along the search, those that maximise the likelihood of held-out points. Weights fitted to noise
+    /// reduce it increasingly with the duration of a search, and a comparison of curves must not depend on that
+    /// duration.
     pub fn holding(chunks: &[Rows], others: &[Rows], places: usize, mirrors: bool) -> Self {
         let mut search = Search::new(chunks, places, mirrors);
-        // Places that are all alike may be what holds best, once what strays is known.
+        // Uniform weights may be the best for held-out points, once the share of outliers is known.
         (0..2).for_each(|_| _ = search.round(1.0, false));
         let judged = |weights: &Self| sum_in_order(others.par_iter().map(|rows| rows.likelihood(weights)));
         let (mut best, mut weights, mut worse) = (judged(&search.weights), search.weights.clone(), 0);
@@ -154,14 +156,14 @@ impl Weights {
     }
 
     fn doubled(&mut self) {
-        // Numbers below are slow, and their places do not matter.
+        // Subnormal numbers are slow, and their support points are irrelevant.
         let single = |w: &f64| if *w > 1e-30 { *w as f32 } else { 0.0 };
         self.twice.iter_mut().zip(self.places.iter().cycle()).for_each(|(to, w)| *to = single(w));
     }
 
-    /// Multiplies them by a power of their gains, and makes them add up to 1.
+    /// Multiplies the weights by a power of their gains, and normalises them.
     fn grow(&mut self, gains: &[f64], [straying, mirror]: [f64; 2], power: f32) {
-        // There may be thousands of places, and single precision has the faster power.
+        // There may be thousands of support points, and powers are faster in single precision.
         let by = |gain: f64| f64::from((gain as f32).powf(power).clamp((-LEAP).exp(), LEAP.exp()));
         self.places.iter_mut().zip(gains).for_each(|(w, gain)| *w *= by(*gain));
         self.straying *= by(straying);
@@ -172,12 +174,12 @@ impl Weights {
     }
 }
 
-/// Expectation and maximization.
+/// Expectation maximisation.
 struct Search<'a> {
     chunks: &'a [Rows],
     weights: Weights,
     powers: [f32; 2],
-    /// ln likelihood of the points that the last cycle reached.
+    /// ln likelihood of the points after the last cycle.
     before: f64,
 }
 
@@ -187,7 +189,8 @@ impl<'a> Search<'a> {
         Self { chunks, weights, powers: POWERS, before: f64::NEG_INFINITY }
     }
 
-    /// The next rounds; by how much they made the points likelier (ln), as seen after the larger power, which the smaller one evens out.
+    /// A cycle; returns its gain in ln likelihood, measured after the larger exponent, whose overshoot the smaller one
+    /// removes.
     fn cycle(&mut self) -> f64 {
         self.round(self.powers[0], true);
         let total = self.round(self.powers[1], true);
@@ -199,7 +202,7 @@ impl<'a> Search<'a> {
         gained
     }
 
-    /// A round, of places only where these are meant, too; the ln likelihood of the points before it.
+    /// An iteration, of the support points only if `places`; returns the ln likelihood of the points before it.
     fn round(&mut self, power: f32, places: bool) -> f64 {
         let count = self.weights.places.len();
         let points = self.chunks.iter().map(|rows| rows.points.len()).sum::<usize>() as f64;

@@ -1,4 +1,4 @@
-//! Photographs of one bracket: exposures of one view.
+//! Photographs of one bracket: several exposures of one view.
 
 use crate::FrameNoise;
 use crate::fit::demosaic::{Demosaic, FullSize};
@@ -8,7 +8,7 @@ use nacre_base::{Error, Result};
 use nacre_frames::{ASSUMED, Linearizer, LoadedFrames};
 use rayon::prelude::*;
 
-/// Decodes the photographs of a bracket. All but the shortest exposure keep a distance to white, if there are several.
+/// Decodes the photographs of a bracket. If there are several, all but the shortest exposure keep a margin to white.
 pub(crate) fn read<'a>(
     frames: &LoadedFrames,
     linearizer: &'a Linearizer,
@@ -29,10 +29,11 @@ pub(crate) fn read<'a>(
     bracket.par_iter().zip(margins).map(one).collect()
 }
 
-/// Noise of the photographs of a bracket: the camera's, or that of a modest one. Pixels of a sensor whose light is averaged have as much less.
+/// Noise of the photographs of a bracket: that of the camera, or of a modest default. Averaged sensor pixels have
+/// correspondingly less.
 pub(crate) fn noise_of_bracket(frames: &LoadedFrames, linearizer: &Linearizer, bracket: &[usize]) -> Vec<FrameNoise> {
     let camera = frames.set.noise.unwrap_or(ASSUMED);
-    // The steepest part of the transfer curve, so that quantisation is never taken too small.
+    // The steepest part of the transfer curve, so that quantisation is never underestimated.
     let step = linearizer.step() * frames.set.transfer.slope(1.0);
     let averaged = frames.set.filters().map_or(1, |f| f.pixels(0, frames.set.channel).len()) as f64;
     let of = |k: &usize| {

@@ -1,7 +1,8 @@
-//! Full-size images behind all four polarizers, from a mosaic in which each pixel has one of them.
+//! Full-size images behind all four polarizers, from a mosaic with one polarizer per pixel.
 //!
-//! An interpolated pixel has another variance than a measured one, shares its noise with its neighbours and, edge-aware, with the other
-//! images at its place. [`Demosaic::variances`] holds what that does to σ.
+//! An interpolated pixel has another variance than a measured one. Its noise is correlated with that of its neighbours
+//! and, for the edge-aware method, with the other images at the same position. [`Demosaic::variances`] contains the
+//! effect on σ.
 
 use crate::fit::views::View;
 use nacre_frames::LinearFrame;
@@ -9,36 +10,38 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How images behind each polarizer of a sensor are made.
+/// Interpolation of the images behind each polarizer of a sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Demosaic {
-    /// Not at all: maps have one pixel per super-pixel.
+    /// None: maps have one pixel per super-pixel.
     #[default]
     None,
     /// Means of the two or four nearest pixels of the same polarizer.
     Bilinear,
-    /// Newton polynomials along the edges of the difference between polarizers (Li, Zhao, Pan, Kong and Chan, "Demosaicking DoFP images using
-    /// Newton's polynomial interpolation and polarization difference model", Optics Express 27, 1376-1391, 2019).
+    /// Newton polynomials along the edges of the difference between polarizers. Li, Zhao, Pan, Kong and Chan,
+    /// "Demosaicking DoFP images using Newton's polynomial interpolation and polarization difference model", Optics
+    /// Express 27, 1376-1391, 2019.
     EdgeAware,
 }
 
-/// Variances where the sensor's pixels have variance 1, means over the pixels of a super-pixel. Of the bilinear method they are exact: a pixel is
-/// measured behind one polarizer, the mean of two pixels behind two and of four behind one, (1 + 1/2 + 1/2 + 1/4)/4 = 9/16, and all four are
-/// independent. Of the edge-aware method, which decides by the noise itself, they are measured on even light (test `variances_are_measured`).
+/// Variances for sensor pixels of variance 1, averaged over the pixels of a super-pixel. For the bilinear method they
+/// are exact. A pixel is measured behind one polarizer, the mean of two pixels behind two, and of four behind one. The
+/// mean variance is (1 + 1/2 + 1/2 + 1/4)/4 = 9/16, and all four are independent. The edge-aware method depends on the
+/// noise itself, so its variances are measured on uniform light (test `variances_are_measured`).
 #[derive(Clone, Copy)]
 pub(crate) struct Variances {
-    /// Of an image's pixel.
+    /// Variance of an image's pixel.
     pub image: f64,
-    /// Of one that the residual of the fit tells: Var(I0 + I90 - I45 - I135)/4.
+    /// Variance estimated from the residual of the fit: Var(I0 + I90 - I45 - I135)/4.
     pub residual: f64,
-    /// Of one that S1 and S2 tell: Var(S1)/2 and Var(S2)/2.
+    /// Variance from S1 and S2: Var(S1)/2 and Var(S2)/2.
     pub stokes: f64,
 }
 
 impl Variances {
-    /// Factor from the residuals of a fit to so many images to those of independent images with the same noise of S1 and S2. Each frame after the
-    /// first adds differences between images to the one residual of four angles.
+    /// Variance factor from the residuals of a fit to `images` images to independent images with the same noise of S1
+    /// and S2. Each frame after the first adds differences between images to the single residual of four angles.
     pub fn of_residuals(self, images: usize) -> f64 {
         let more = images.saturating_sub(4) as f64;
         self.stokes * (1.0 + more) / (self.residual + more * self.image)
@@ -46,8 +49,8 @@ impl Variances {
 }
 
 impl Demosaic {
-    /// Variance of independent images with the same noise of S1 and S2, where the sensor's pixels have variance 1: the factor from the camera's
-    /// noise to σ.
+    /// Variance of independent images with the same noise of S1 and S2, for sensor pixels of variance 1: the factor
+    /// from the camera's noise variance to that of σ.
     pub fn noise_factor(self) -> f64 {
         self.variances().stokes
     }
@@ -61,8 +64,9 @@ impl Demosaic {
     }
 }
 
-/// Images behind the four polarizers of each 2×2 block, row by row, of a mosaic of `width` × `height` pixels (both even): in full size, or of
-/// [`Demosaic::None`] one pixel per block. NaN spoils the pixels that are interpolated from it.
+/// Images behind the four polarizers of each 2×2 block, row by row, from a mosaic of `width` × `height` pixels (both
+/// even). They have full size, or one pixel per block for [`Demosaic::None`]. NaN propagates to pixels interpolated
+/// from it.
 pub fn demosaiced(mosaic: &[f32], [width, height]: [usize; 2], method: Demosaic) -> [Vec<f32>; 4] {
     if method == Demosaic::None {
         let rows = |top: usize| mosaic.chunks(width).skip(top).step_by(2);
@@ -76,18 +80,19 @@ pub fn demosaiced(mosaic: &[f32], [width, height]: [usize; 2], method: Demosaic)
     })
 }
 
-/// Pixels around the image that mirror it, about its outermost pixels so that polarizers keep their places; as far as estimates reach.
+/// Mirrored margin in pixels, the reach of the estimates. The image is mirrored about its outermost pixels, so that
+/// polarizers keep their positions.
 const MARGIN: usize = 10;
 
-/// Ratio of the errors along two directions from which the better one alone is used (the paper's threshold).
+/// Ratio of the errors along two directions from which only the better one is used (the paper's threshold).
 const CLEAR: f32 = 5.8;
 
 /// Images behind the polarizers of a sensor, in full size.
 pub(crate) struct FullSize {
-    /// With margins.
+    /// Width including margins.
     width: usize,
-    /// The image behind the polarizer that each pixel has itself, its neighbour to the right, the one below, and the diagonal one. NaN where
-    /// a pixel that cannot be used took part.
+    /// The images behind a pixel's own polarizer, that of its neighbour to the right, the one below, and the diagonal
+    /// one. NaN where an unusable pixel took part.
     planes: [Vec<f32>; 4],
 }
 
@@ -101,7 +106,7 @@ impl FullSize {
         })
     }
 
-    /// The same of rows that `read` fills in, with NaN where a pixel cannot be used.
+    /// Interpolates rows filled in by `read`, with NaN for unusable pixels.
     pub fn of([width, height]: [usize; 2], method: Demosaic, read: impl Fn(usize, &mut [f32]) + Sync) -> Self {
         let padded = width + 2 * MARGIN;
         let mut mosaic = vec![0.0; padded * (height + 2 * MARGIN)];
@@ -124,7 +129,7 @@ impl FullSize {
         }
     }
 
-    /// The same of the polarizer at `(left, top)` of the blocks, with NaN where it cannot be used.
+    /// Row `y` of the image of the polarizer at `(left, top)` of the blocks, with NaN for unusable pixels.
     fn image_row(&self, [left, top]: [usize; 2], y: usize, light: &mut [f32]) {
         let start = (y + MARGIN) * self.width + MARGIN;
         let below = 2 * ((y ^ top) & 1);
@@ -135,7 +140,7 @@ impl FullSize {
     }
 }
 
-/// Place in an image of `n` pixels that a place with margins shows.
+/// Position in an image of `n` pixels for a position with margins.
 fn mirrored(at: usize, n: usize) -> usize {
     let period = 2 * n.saturating_sub(1).max(1);
     let k = (at + MARGIN * period - MARGIN) % period;
@@ -156,8 +161,8 @@ fn bilinear(mosaic: Vec<f32>, width: usize) -> [Vec<f32>; 4] {
     [mosaic, right, below, diagonal]
 }
 
-/// The method of Li et al. (2019). First the diagonal images, each from both diagonals; with them the images to the right and below, each from
-/// its row and its column.
+/// The method of Li et al. (2019). The diagonal images come first, each from both diagonals; from them follow the
+/// images to the right and below, each from its row and its column.
 fn edge_aware(mosaic: Vec<f32>, width: usize) -> [Vec<f32>; 4] {
     let w = width as isize;
     let along = |odd: &[f32], step| newton(&mosaic, odd, width, step);
@@ -168,8 +173,9 @@ fn edge_aware(mosaic: Vec<f32>, width: usize) -> [Vec<f32>; 4] {
     [mosaic, right, below, diagonal]
 }
 
-/// The image of the polarizer that every second pixel in a direction has, `step` pixels apart: Newton polynomials of the difference between its
-/// pixels (`odd`, which holds them at odd steps) and those between (`mosaic`, at even steps), from both sides (Eqs. 14 to 17).
+/// The image of the polarizer at every second pixel in a direction, `step` pixels apart. Newton polynomials interpolate
+/// the difference between its pixels (`odd`, at odd steps) and those between (`mosaic`, at even steps), from both sides
+/// (Eqs. 14 to 17).
 fn newton(mosaic: &[f32], odd: &[f32], width: usize, step: isize) -> Vec<f32> {
     plane(mosaic, width, 3, |at, out| {
         let n = out.len();
@@ -182,8 +188,8 @@ fn newton(mosaic: &[f32], odd: &[f32], width: usize, step: isize) -> Vec<f32> {
     })
 }
 
-/// One estimate from two along different directions, which `steps` are: the one that keeps the difference to the mosaic clearly smaller around,
-/// else their mean weighted by the inverse of the gradients.
+/// Combines two estimates along different directions `steps`: the one with clearly smaller differences to the mosaic
+/// nearby, otherwise their mean weighted by the inverse gradients.
 fn fused(mosaic: &[f32], [first, second]: [&[f32]; 2], width: usize, steps: [isize; 2]) -> Vec<f32> {
     let w = width as isize;
     plane(mosaic, width, 2, |at, out| {
@@ -219,8 +225,8 @@ fn fused(mosaic: &[f32], [first, second]: [&[f32]; 2], width: usize, steps: [isi
     })
 }
 
-/// A plane of the size of `like`, in runs of pixels: `fill(at, run)` calculates those from number `at` on, from pixels up to `reach` rows and
-/// columns away. In the margins, whose neighbours are missing or on the next row, values mean nothing.
+/// A plane of the size of `like`, in runs of pixels: `fill(at, run)` computes those from index `at` on, from pixels up
+/// to `reach` rows and columns away. Values in the margins, with missing neighbours, are meaningless.
 fn plane(like: &[f32], width: usize, reach: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {
     let outside = reach * (width + 1);
     let mut new = vec![0.0; like.len()];

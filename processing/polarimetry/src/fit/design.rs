@@ -1,13 +1,13 @@
-//! What a set of analyser angles can tell: the normal matrix that all pixels share.
+//! Design matrix of a set of analyser angles, shared by all pixels.
 
 use nacre_base::{Error, Result};
 use nalgebra::{Matrix3, Vector3};
 
-/// Angles closer than this modulo 180° count as the same.
+/// Largest difference modulo 180° of angles that count as equal, in degrees.
 const SAME_ANGLE_DEG: f64 = 0.05;
 
-/// Largest accepted condition number of the N×3 design matrix `[1, cos 2ψ, sin 2ψ]`. Evenly spaced angles have √2;
-/// at 100 the noise of the result is about 50 times that of a well-chosen set.
+/// Largest accepted condition number of the N×3 design matrix `[1, cos 2ψ, sin 2ψ]`. Equidistant angles have √2; at 100
+/// the noise of the result is about 50 times that of a good set.
 pub(crate) const MAX_CONDITION: f64 = 100.0;
 
 /// The least-squares problem `I(ψ) = A + C cos 2ψ + S sin 2ψ` for a given set of angles.
@@ -17,16 +17,16 @@ pub struct Design {
     pub rows: Vec<Vector3<f64>>,
     /// Inverse of the normal matrix `Σ x xᵀ`.
     pub inverse: Matrix3<f64>,
-    /// Condition number of the design matrix (1 is impossible, √2 best).
+    /// Condition number of the design matrix (√2 is optimal).
     pub condition: f64,
 }
 
 impl Design {
-    /// Analyser angles in radians, one per frame.
+    /// Constructs the design for analyser angles in radians, one per frame.
     ///
     /// # Errors
-    /// When the angles are not finite, fewer than three are distinct modulo 180°, or they lie so close together
-    /// that the condition number exceeds 100. The message lists the angles.
+    /// If angles are not finite, if fewer than three are distinct modulo 180°, or if they lie so close together that
+    /// the condition number exceeds 100. The message lists the angles.
     pub fn new(angles: &[f64]) -> Result<Self> {
         if let Some(bad) = angles.iter().find(|a| !a.is_finite()) {
             return Err(Error::input("analyser angles", format!("{bad} is not an angle"), "give finite degrees"));
@@ -61,7 +61,7 @@ impl Design {
         self.rows.len()
     }
 
-    /// Degrees of freedom left for the residual.
+    /// Degrees of freedom of the residual.
     pub fn freedom(&self) -> usize {
         self.rows.len() - 3
     }

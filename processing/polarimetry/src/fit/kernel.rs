@@ -1,7 +1,8 @@
-//! The inner loops of the fit, over runs of pixels; compiled for the vectors of old and of new processors, which are told apart
-//! when the program runs.
+//! Inner loops of the fit over runs of pixels, compiled for several instruction sets, one of which is selected at run
+//! time.
 //!
-//! No multiplication is fused with an addition, so all processors give the same bits, and so do all ways to group the frames.
+//! Multiplications and additions are not fused, so results are bit-identical on all processors and for every grouping
+//! of frames.
 
 use super::TILE;
 use crate::Design;
@@ -18,14 +19,14 @@ pub(super) struct Sums<'a> {
     pub square: &'a mut [f32],
 }
 
-/// A run of pixels of one frame, and cos 2ψ and sin 2ψ of its analyser angle.
+/// A run of pixels of one frame, with cos 2ψ and sin 2ψ of its analyser angle.
 #[derive(Clone, Copy)]
 pub(super) struct Run<'a> {
     pub values: &'a [f32],
     pub factors: [f32; 2],
 }
 
-/// What all pixels share when they are solved.
+/// Constants of the solution, shared by all pixels.
 pub(super) struct Solution {
     inverse: [[f32; 3]; 3],
     frames: f32,
@@ -39,25 +40,26 @@ impl Solution {
 }
 
 impl Sums<'_> {
-    /// Sums of nothing; the pivot stays.
+    /// Resets the sums; the pivot stays.
     pub(super) fn clear(&mut self) {
         let Self { sum, cos, sin, square, .. } = self;
         [sum, cos, sin, square].into_iter().for_each(|plane| plane.fill(0.0));
     }
 
-    /// Adds frames in their order. The first frame of all is the pivot, of which there is nothing to add.
+    /// Adds frames in their order. The first frame is the pivot, which contributes nothing.
     pub(super) fn fold(&mut self, frames: &[Run]) {
         Arch::new().dispatch(Fold { sums: self, frames });
     }
 
-    /// Replaces the sums by what they tell: the pivot by S0, `cos` and `sin` by S1 and S2, `square` by the residual and `sum`
-    /// by the correlation. All are NaN where `bad` is not 0 or a frame was not finite.
+    /// Replaces the sums by the solution: the pivot by S0, `cos` and `sin` by S1 and S2, `square` by the residual and
+    /// `sum` by the correlation. All are NaN where `bad` is not 0 or a frame was not finite.
     pub(super) fn solve(&mut self, bad: &[u8], solution: &Solution) {
         Arch::new().dispatch(Solve { sums: self, bad, solution });
     }
 
-    /// What [`Self::fold`] and [`Self::solve`] make of these frames, the pivot before the others, whatever was in the sums, which are
-    /// a [`TILE`] at most. The values of the others go on behind the pixels of the pivot as far as there are more.
+    /// Result of [`Self::fold`] and [`Self::solve`] for these frames, with the pivot before the others. Previous sums,
+    /// at most a [`TILE`] long, are overwritten. The slices of the other frames extend beyond the pixels of the pivot
+    /// as far as there are more.
     pub(super) fn fit(&mut self, pivot: &[f32], others: &[Run], solution: &Solution) {
         Arch::new().dispatch(Fit { maps: self, pivot, others, solution });
     }
@@ -113,14 +115,15 @@ impl WithSimd for Fold<'_, '_, '_> {
     }
 }
 
-/// Frames that are added at once, at most: every sum is loaded and stored once for all of them. They and as many that are fetched fit the eight places of a
-/// set of a first-level cache; six take a tenth longer on one processor (docs/validation/speed.md).
+/// Maximum number of frames added together: every sum is loaded and stored once for all of them. These frames and as
+/// many prefetched ones fit into an eight-way first-level cache; six take a tenth longer on one processor
+/// (docs/validation/speed.md).
 const TOGETHER: usize = 4;
 
-/// Pixels that are added while as many are fetched of the frames that come next.
+/// Pixels that are added while as many of the next frames are prefetched.
 const BLOCK: usize = 64;
 
-/// Pixels of frames that are needed next, and how far behind the present ones they lie.
+/// Pixels of the frames that are needed next, and their distance from the present ones.
 struct Ahead<'f> {
     frames: &'f [Run<'f>],
     by: usize,
@@ -137,7 +140,7 @@ impl Ahead<'_> {
     }
 }
 
-/// Adds no more than [`TOGETHER`] frames to the sums, or replaces these where the frames are the `first`.
+/// Adds at most [`TOGETHER`] frames to the sums, or replaces the sums if the frames are the `first`.
 #[inline(always)]
 fn add_several(pivot: &[f32], frames: &[Run], next: &Ahead, first: bool, sums: [&mut [f32]; 4]) {
     match *frames {
@@ -162,7 +165,7 @@ fn add<const N: usize>(pivot: &[f32], frames: [Run; N], next: &Ahead, first: boo
         }
         let pivot = &pivot[here.clone()];
         let sums = [&mut sum[here.clone()], &mut cos[here.clone()], &mut sin[here.clone()], &mut square[here.clone()]];
-        // Of a length that the compiler knows it makes vectors without a rest.
+        // For a constant length the compiler vectorises without a remainder loop.
         if here.len() == BLOCK {
             add_block(pivot, runs, first, sums, BLOCK)
         } else {
@@ -174,7 +177,7 @@ fn add<const N: usize>(pivot: &[f32], frames: [Run; N], next: &Ahead, first: boo
 
 #[inline(always)]
 fn add_block<const N: usize>(pivot: &[f32], mut runs: [Run; N], first: bool, sums: [&mut [f32]; 4], n: usize) {
-    // Lengths that the compiler knows to be equal, so that no index is checked inside the loop.
+    // Lengths known to be equal remove bounds checks from the loop.
     for run in &mut runs {
         run.values = &run.values[..n];
     }
@@ -218,13 +221,14 @@ struct Fit<'s, 'a, 'f> {
     solution: &'f Solution,
 }
 
-/// From one sum of a tile to the next: not a multiple of a page, so that they do not compete for the same places in the first cache.
+/// Distance between the sums of a tile: not a multiple of a page, to avoid conflicts in the first-level cache.
 const APART: usize = TILE + 32;
 
 impl WithSimd for Fit<'_, '_, '_> {
     type Output = ();
 
-    /// A few frames at a time: they often lie a multiple of a page apart, and all of them at once take half as long again then (docs/validation/speed.md).
+    /// A few frames at a time: frames are often a multiple of a page apart, and all of them at once then take 1.5 times
+    /// as long (docs/validation/speed.md).
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Self { maps, pivot, others, solution } = self;

@@ -1,19 +1,19 @@
-//! Several exposures of one view as one intensity per pixel, with its variance.
+//! Merges several exposures of one view into an intensity per pixel with its variance.
 //!
-//! Each pixel takes the exposures that are not saturated there, weighted by the inverse of their variances (shot + read +
-//! quantisation), which is the best linear estimate: short exposures tell of what is bright, long ones of what is dark.
+//! Each pixel uses its unsaturated exposures, weighted by their inverse variances (shot + read + quantisation), which
+//! is the best linear estimate. Short exposures contribute to bright pixels, long ones to dark pixels.
 
 use crate::FrameNoise;
 use nacre_frames::{ASSUMED, BELOW_WHITE_SIGMA};
 use nacre_frames::{Linearizer, LoadedFrames};
 
-/// Merges rows of photographs that differ in exposure alone.
+/// Merges rows of photographs that differ only in exposure.
 pub(crate) struct Merge {
     noise: Vec<FrameNoise>,
 }
 
-/// How far below white each photograph of a bracket counts as saturated, of white minus black: the shortest exposure may
-/// reach it.
+/// Saturation margin of each photograph of a bracket below white, relative to white minus black; the shortest exposure
+/// may reach white.
 pub(crate) fn clear_of_white(frames: &LoadedFrames, linearizer: &Linearizer, bracket: &[usize]) -> Vec<f64> {
     let camera = frames.set.noise.unwrap_or(ASSUMED);
     let frame = |k: &usize| &frames.set.frames[*k];
@@ -25,7 +25,7 @@ pub(crate) fn clear_of_white(frames: &LoadedFrames, linearizer: &Linearizer, bra
     bracket.iter().map(margin).collect()
 }
 
-/// One row of linear values on its way through a merge.
+/// A row of linear values during a merge.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     /// Σ 1/shot, the number of electrons per unit of intensity, and Σ I/shot.
@@ -37,17 +37,17 @@ struct Sums {
 }
 
 impl Merge {
-    /// For photographs with this noise, in the order in which `row` will be asked for them.
+    /// A merge of photographs with this noise, in the order in which `row` is called for them.
     pub(crate) fn new(noise: Vec<FrameNoise>) -> Self {
         Self { noise }
     }
 
-    /// With variances multiplied.
+    /// With variances multiplied by `factor`.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         Self { noise: self.noise.iter().map(|n| n.scaled(factor)).collect() }
     }
 
-    /// Noise of merged exposures where none is saturated: exact in the light and in the dark.
+    /// Noise of merged exposures if none is saturated: exact in the bright and the dark limit.
     pub(crate) fn together(noise: &[FrameNoise]) -> FrameNoise {
         if let [one] = noise {
             return *one;
@@ -56,8 +56,8 @@ impl Merge {
         FrameNoise { shot: parallel(|n| n.shot), floor: parallel(|n| n.floor) }
     }
 
-    /// Merges one row. `row(k, values, bad)` fills in linear values of the `k`-th photograph. `bad[x]` is set to 1 where
-    /// all photographs are saturated; value and variance are those of total darkness there.
+    /// Merges one row. `row(k, values, bad)` fills in linear values of the `k`-th photograph. `bad[x]` is set to 1
+    /// where all photographs are saturated; value and variance are then those of total darkness.
     pub(crate) fn row(
         &self,
         row: impl Fn(usize, &mut [f32], &mut [u8]),
@@ -80,7 +80,8 @@ impl Merge {
         for ((light, saturated), noise) in read.iter().zip(&self.noise) {
             let (shot, floor) = (noise.shot as f32, noise.floor as f32);
             for ((sum, light), _) in sums.iter_mut().zip(light).zip(saturated).filter(|(_, s)| **s == 0) {
-                // All exposures are weighted at one intensity, else those that came out low would weigh more.
+                // All exposures are weighted at a common intensity, since lower values would otherwise have larger
+                // weights.
                 let weight = 1.0 / (shot * (sum.first / sum.electrons).max(0.0) + floor).max(f32::MIN_POSITIVE);
                 sum.weight += weight;
                 sum.light += weight * light;
@@ -88,7 +89,7 @@ impl Merge {
         }
         for (x, sum) in sums.iter().enumerate() {
             if sum.weight > 0.0 {
-                // One electron of what is missing still: between angles, too, intensities that came out low weigh more.
+                // A correction of one electron: low intensities also have larger weights in the fit over angles.
                 values[x] = sum.light / sum.weight + 1.0 / sum.electrons;
                 variances[x] = 1.0 / sum.weight;
             } else {

@@ -1,9 +1,9 @@
-//! The streaming fit: every frame is folded into a few sums per pixel and forgotten.
+//! The streaming fit: every frame is added to a few sums per pixel and discarded.
 //!
-//! The work is so little that moving the numbers takes longer than calculating with them, so what counts is how many bytes
-//! go through the memory: with two frames at a time 44 per pixel and pair (2·4 of the frames, 4 of the pivot, 2·16 of the sums),
-//! and with all N frames in memory 4 N + 20 (frames in, five maps out), since the sums of a pixel never leave the caches.
-//! Measured: docs/validation/speed.md.
+//! The fit is memory-bound, so its time is proportional to the transferred bytes. With two frames at a time these are
+//! 44 per pixel and pair (2·4 for the frames, 4 for the pivot, 2·16 for the sums). With all N frames in memory they are
+//! 4 N + 20 (frames in, five maps out), since the sums of a pixel never leave the caches. Measurements:
+//! docs/validation/speed.md.
 
 pub(crate) mod bracket;
 pub(crate) mod demosaic;
@@ -24,13 +24,13 @@ use crate::Design;
 use kernel::{Run, Solution, Sums};
 use rayon::prelude::*;
 
-/// Pixels that are worked on in one go: with many frames their sums stay in the processor's first or second cache.
+/// Pixels per tile: with many frames their sums stay in the first- or second-level cache.
 const TILE: usize = 2048;
 
-/// Sums per pixel, enough to solve the fit at any time: 5 floats and a flag, whatever the number of frames.
+/// Sums per pixel from which the fit can be solved at any time: 5 floats and a flag, for any number of frames.
 ///
-/// Values are taken relative to the first frame (the pivot), so that f32 sums keep the modulation's precision when
-/// it is small against the mean.
+/// Values are relative to the first frame (the pivot), so that f32 sums keep the precision of a modulation that is
+/// small against the mean.
 pub struct Fit {
     width: usize,
     frames: usize,
@@ -42,12 +42,12 @@ pub struct Fit {
     bad: Vec<u8>,
 }
 
-/// Solution per pixel. Pixels that were bad (saturated) in any frame are NaN in all maps.
+/// Solution per pixel. Pixels that were unusable (saturated) in any frame are NaN in all maps.
 #[derive(Default)]
 pub struct StokesMaps {
-    /// Pixels per row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
     /// S0, in linear input units.
     pub s0: Vec<f32>,
@@ -55,12 +55,12 @@ pub struct StokesMaps {
     pub s1: Vec<f32>,
     /// S2.
     pub s2: Vec<f32>,
-    /// Residual sum of squares of the fit; where `covariance` is there, each square over its variance (χ²).
+    /// Residual sum of squares of the fit; with `covariance`, each square is divided by its variance (χ²).
     pub residual: Vec<f32>,
     /// Normalised correlation between fit and measured intensities (2018 paper, section 7.3), 0 to 1.
     pub correlation: Vec<f32>,
-    /// Covariances AA, AC, AS, CC, CS and SS of (A, C, S) = (S0, S1, S2)/2 where variances differ from pixel to pixel, since
-    /// exposures were merged; empty where the noise of the frames tells them.
+    /// Covariances AA, AC, AS, CC, CS and SS of (A, C, S) = (S0, S1, S2)/2, if variances differ from pixel to pixel
+    /// because exposures were merged. Otherwise empty, and the noise of the frames determines them.
     pub covariance: Vec<[f32; 6]>,
 }
 
@@ -80,7 +80,7 @@ impl Fit {
         }
     }
 
-    /// Pixels per row.
+    /// Width in pixels.
     pub fn width(&self) -> usize {
         self.width
     }
@@ -108,14 +108,14 @@ impl Fit {
         self.frames
     }
 
-    /// Folds in one frame taken at analyser angle `psi` (rad). `row(y, values, bad)` fills in one row of linear
-    /// values and may set `bad[x] = 1` where the value cannot be used; it is called from several threads.
+    /// Adds a frame taken at analyser angle `psi` (rad). `row(y, values, bad)` fills in one row of linear values and
+    /// may set `bad[x] = 1` for unusable values; it is called from several threads.
     pub fn add(&mut self, psi: f64, row: impl Fn(usize, &mut [f32], &mut [u8]) + Sync) {
         self.add_several(&[psi], |_, y, values, bad| row(y, values, bad));
     }
 
-    /// Folds in frames taken at these analyser angles (rad), the same to the bit as one after the other, but the sums are read
-    /// and written only once. `row(k, y, values, bad)` is that of [`Self::add`] for the `k`-th of them.
+    /// Adds frames taken at these analyser angles (rad). The result is bit-identical to adding them one by one, but the
+    /// sums are read and written only once. `row(k, y, values, bad)` is that of [`Self::add`] for the `k`-th frame.
     pub fn add_several(&mut self, psi: &[f64], row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
         let (width, first) = (self.width.max(1), usize::from(self.frames == 0));
         let factors: Vec<[f32; 2]> = psi.iter().map(|psi| factors(*psi)).collect();
@@ -124,7 +124,7 @@ impl Fit {
             || vec![0.0_f32; width * added.len()],
             |buffer, (y, (mut sums, bad))| {
                 if first == 1 {
-                    // Memory that is new to the program costs less where it is written before it is read.
+                    // Newly allocated memory is faster when it is written before it is read.
                     sums.clear();
                     bad.fill(0);
                     row(0, y, sums.pivot, bad);
@@ -141,7 +141,7 @@ impl Fit {
         self.frames += psi.len();
     }
 
-    /// The sums and flags of every `length` pixels in turn.
+    /// The sums and flags of `length` pixels at a time.
     fn rows(&mut self, length: usize) -> impl IndexedParallelIterator<Item = (Sums<'_>, &mut [u8])> {
         let Self { pivot, sum, cos, sin, square, bad, .. } = self;
         let two = |a, b| <[f32]>::par_chunks_mut(a, length).zip(<[f32]>::par_chunks_mut(b, length));
@@ -150,8 +150,8 @@ impl Fit {
         sums.zip(bad.par_chunks_mut(length))
     }
 
-    /// Solves every pixel. `design` must hold the angles in the order of [`Fit::add`]; the results take the place of the
-    /// sums in memory.
+    /// Solves every pixel. `design` must contain the angles in the order of [`Fit::add`]; the results reuse the memory
+    /// of the sums.
     pub fn solve(mut self, design: &Design) -> StokesMaps {
         debug_assert_eq!(design.frames(), self.frames);
         let solution = Solution::new(design);

@@ -8,12 +8,12 @@ use nacre_frames::FrameNoise;
 pub(crate) enum Covariance<'a> {
     /// A linear function of the fitted values: `[const, A, C, S]` coefficients of AA, AC, AS, CC, CS and SS.
     Alike([[f32; 4]; 6]),
-    /// Each pixel's own.
+    /// A covariance per pixel.
     Each(&'a [[f32; 6]]),
 }
 
 impl<'a> Covariance<'a> {
-    /// Of maps: `own` is their covariance, which may be empty.
+    /// Covariance of maps: `own` is their per-pixel covariance, which may be empty.
     pub(crate) fn new(design: &Design, noise: &[FrameNoise], own: &'a [[f32; 6]]) -> Self {
         if !own.is_empty() {
             return Self::Each(own);
@@ -41,7 +41,7 @@ impl<'a> Covariance<'a> {
         }
     }
 
-    /// The same of alike pixels, given [`Self::Alike`].
+    /// The covariance from the coefficients of [`Self::Alike`].
     #[inline(always)]
     pub(crate) fn linear(coefficients: &[[f32; 4]; 6], [a, c, s]: [f32; 3]) -> [f32; 6] {
         coefficients.map(|k| k[0] + k[1] * a + k[2] * c + k[3] * s)
@@ -66,8 +66,9 @@ impl<'a> Covariance<'a> {
         Self::ratios(self.all(i, fitted), fitted)
     }
 
-    /// σ of the degree of linear polarization at pixel `i` of noise, to first order, or larger by as much as `angle_sigma` (rad), σ of its
-    /// angle, is larger than noise makes it: other errors of the points (S1/S0, S2/S0) have all directions.
+    /// σ of the degree of linear polarization at pixel `i` due to noise, to first order. It is scaled up if
+    /// `angle_sigma` (rad), the σ of the angle, exceeds that of noise: other errors of the points (S1/S0, S2/S0) have
+    /// all directions.
     pub(crate) fn degree_sigma(&self, i: usize, fitted: [f32; 3], angle_sigma: f32) -> f32 {
         let all = self.all(i, fitted);
         let ([a, c, s], [_, _, _, vc, vcs, vs]) = (fitted, all);
@@ -80,7 +81,7 @@ impl<'a> Covariance<'a> {
         if a > 0.0 { (along * wider.max(1.0)).sqrt() } else { f32::NAN }
     }
 
-    /// The same from AA, AC, AS, CC, CS and SS.
+    /// `[var C/A, cov(C/A, S/A), var S/A]` from AA, AC, AS, CC, CS and SS.
     #[inline(always)]
     pub(crate) fn ratios([aa, ac, as_, cc, cs, ss]: [f32; 6], [a, c, s]: [f32; 3]) -> [f32; 3] {
         let (x, y, per) = (c / a, s / a, 1.0 / (a * a));
@@ -92,11 +93,11 @@ impl<'a> Covariance<'a> {
     }
 }
 
-/// Estimates `shot` and `floor` (both in linear units, the same for all frames) from the residuals, robustly: pixels
-/// are sorted by intensity into groups, each group's median residual gives its variance, and a line through them
-/// with non-negative coefficients is the model. None when there are no degrees of freedom or too few pixels.
+/// Estimates `shot` and `floor` (both in linear units, the same for all frames) robustly from the residuals. Pixels are
+/// grouped by intensity, the median residual of each group gives its variance, and a line with non-negative
+/// coefficients is fitted. `None` without degrees of freedom, or for too few pixels.
 ///
-/// Whatever else keeps the frames from following a sinusoid (wrong angles, movement) ends up in it as well.
+/// The estimate includes all other deviations of the frames from a sinusoid (angle errors, movement).
 pub fn estimate_noise(maps: &StokesMaps, design: &Design) -> Option<FrameNoise> {
     const PIXELS: usize = 200_000;
     const GROUPS: usize = 32;
@@ -124,7 +125,7 @@ pub fn estimate_noise(maps: &StokesMaps, design: &Design) -> Option<FrameNoise> 
     Some(line_through(&points))
 }
 
-/// As [`line_through`], with a floor not below the least that it can be.
+/// As [`line_through`], with a lower bound of the floor.
 pub fn line_above(points: &[(f64, f64)], least: f64) -> FrameNoise {
     let free = line_through(points);
     if free.floor >= least {
@@ -140,7 +141,7 @@ pub fn line_above(points: &[(f64, f64)], least: f64) -> FrameNoise {
     FrameNoise { shot: (product / square).max(0.0), floor: least }
 }
 
-/// Weighted least squares of `variance = shot · a + floor`, relative errors weighted alike, both kept ≥ 0.
+/// Weighted least squares of `variance = shot · a + floor`, with equal relative errors, both kept ≥ 0.
 fn line_through(points: &[(f64, f64)]) -> FrameNoise {
     let tiny = points.iter().map(|p| p.1).fold(0.0, f64::max) * 1e-6 + f64::MIN_POSITIVE;
     let (mut w0, mut w1, mut w2, mut wy, mut wxy) = (0.0, 0.0, 0.0, 0.0, 0.0);

@@ -1,15 +1,15 @@
-//! The fit of frames that are all in memory: each is read once, and nothing but the maps is written, past the caches.
+//! The fit of frames that are all in memory: each is read once, and only the maps are written, bypassing the caches.
 
 use super::kernel::{Run, Solution, Sums};
 use super::{StokesMaps, TILE};
 use crate::Design;
 use rayon::prelude::*;
 
-/// Fits all frames of `design`, given in its order, at once: the same to the bit as folding them into a [`Fit`](super::Fit) one
-/// by one. Pixels at which a frame is not finite are NaN in all maps. What was in `maps` is replaced, in place where it was as
-/// long as the frames.
+/// Fits all frames of `design`, given in its order. The result is bit-identical to adding them to a [`Fit`](super::Fit)
+/// one by one. Pixels with a non-finite value in any frame are NaN in all maps. The content of `maps` is replaced, in
+/// place if it has the length of the frames.
 ///
-/// Frames should have one length, a multiple of `width`; what is longer is left out.
+/// Frames should have equal lengths, a multiple of `width`; surplus values are ignored.
 pub fn fit_stack(frames: &[&[f32]], width: usize, design: &Design, maps: &mut StokesMaps) {
     let length = frames.iter().map(|f| f.len()).min().unwrap_or(0);
     let Some((first, others)) = frames.split_first() else { return };

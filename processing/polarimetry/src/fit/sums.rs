@@ -4,11 +4,11 @@ use crate::fit::merge::Merge;
 use crate::fit::weighted::WeightedFit;
 use crate::{Design, Fit, StokesMaps};
 
-/// What is kept of the photographs.
+/// Sums over the photographs.
 pub(crate) enum Sums {
-    /// All pixels of a view are alike.
+    /// All pixels of a view have the same weight.
     Alike(Fit),
-    /// Exposures were merged, so that variances differ from pixel to pixel.
+    /// Exposures were merged, so variances differ from pixel to pixel.
     Weighted(WeightedFit),
 }
 
@@ -17,7 +17,7 @@ impl Sums {
         if weighted { Self::Weighted(WeightedFit::new(width, height)) } else { Self::Alike(Fit::new(width, height)) }
     }
 
-    /// The same kind without its views.
+    /// Empty sums of the same kind.
     pub(crate) fn emptied(&self, width: usize, height: usize) -> Self {
         Self::new(matches!(self, Self::Weighted(_)), width, height)
     }
@@ -29,7 +29,7 @@ impl Sums {
         }
     }
 
-    /// Views added.
+    /// Number of added views.
     pub(crate) fn views(&self) -> usize {
         match self {
             Self::Alike(fit) => fit.frames(),
@@ -51,8 +51,8 @@ impl Sums {
         }
     }
 
-    /// Folds in views at once, of which only one photograph each counts where pixels are alike. `row(v, k, y, values, bad)` yields
-    /// a row of the `k`-th photograph of the `v`-th view.
+    /// Adds several views at once; with equal weights only one photograph of each is used. `row(v, k, y, values, bad)`
+    /// yields a row of the `k`-th photograph of the `v`-th view.
     pub(crate) fn add_several(
         &mut self,
         views: &[(f64, &Merge)],
@@ -71,7 +71,7 @@ impl Sums {
         }
     }
 
-    /// Folds in one view. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
+    /// Adds one view. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
     pub(crate) fn add(&mut self, angle: f64, merge: &Merge, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
         match self {
             Self::Alike(fit) => fit.add(angle, |y, light, bad| row(0, y, light, bad)),

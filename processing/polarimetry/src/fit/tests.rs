@@ -2,7 +2,7 @@ use super::*;
 
 const ANGLES: [f64; 17] = [0.0, 0.9, 1.7, 2.4, 0.3, 1.1, 2.9, 2.0, 0.5, 1.4, 2.6, 0.1, 3.0, 1.9, 0.7, 2.2, 1.2];
 
-/// Frames of a few tiles, the last of which is not full.
+/// Frames of a few tiles, the last of which is incomplete.
 fn frames(count: usize) -> Vec<Vec<f32>> {
     let value = |k: usize, i: usize| {
         let phase = i as f64 * 0.01;
@@ -15,7 +15,7 @@ fn planes(maps: &StokesMaps) -> [&[f32]; 5] {
     [&maps.s0, &maps.s1, &maps.s2, &maps.residual, &maps.correlation]
 }
 
-/// Grouped in any way and with any number of frames the maps are the same to the bit.
+/// For every grouping and number of frames the maps are bit-identical.
 #[test]
 fn one_by_one_in_groups_and_all_at_once_are_the_same() {
     for count in 3..=ANGLES.len() {
@@ -38,7 +38,7 @@ fn one_by_one_in_groups_and_all_at_once_are_the_same() {
     }
 }
 
-/// Against least squares in double precision.
+/// Compared with least squares in double precision.
 #[test]
 fn the_maps_are_those_of_least_squares() {
     let (frames, angles) = (frames(13), &ANGLES[..13]);

@@ -1,36 +1,36 @@
-//! Which photographs of a set belong together: exposures at one analyser angle, and the angles behind one photograph.
+//! Grouping of photographs: exposures at one analyser angle, and the angles within one photograph.
 
 use crate::fit::demosaic::{Demosaic, FullSize};
 use nacre_base::{Error, Result};
 use nacre_frames::{Frame, Kind, LinearFrame, LoadedFrames};
 
-/// Most exposures that are merged into one; they are decoded at the same time.
+/// Maximum number of exposures merged into one; they are decoded simultaneously.
 pub const MAX_BRACKET: usize = 16;
 
-/// Angles closer than this are one angle, in degrees: files round them.
+/// Largest difference of angles that count as equal, in degrees, because files round them.
 const SAME_ANGLE_DEG: f64 = 1e-6;
 
-/// Exposures closer than this are one exposure, as a share.
+/// Relative difference of exposures that count as equal.
 const SAME_EXPOSURE: f64 = 1e-6;
 
-/// One intensity image at one analyser angle: the exposures taken there, or those pixels of a sensor that have this angle.
+/// One intensity image at one analyser angle: the exposures taken there, or the pixels of a sensor with this angle.
 pub(crate) struct View {
-    /// Number of the exposures among the [`brackets`].
+    /// Index of its exposures in the [`brackets`].
     pub(crate) bracket: usize,
     /// Pixels of a super-pixel, `(x, y)`, whose light is averaged.
     pub(crate) pixels: Vec<[usize; 2]>,
-    /// Side of a super-pixel; 1 for cameras without polarizers on their pixels.
+    /// Side of a super-pixel; 1 for cameras without a polarizer mosaic.
     pub(crate) block: usize,
-    /// Pixels of the photograph along the side of a pixel of the maps: that of a super-pixel, or 1 where images are interpolated.
+    /// Photograph pixels along the side of a map pixel: the side of a super-pixel, or 1 for interpolated images.
     pub(crate) step: usize,
-    /// Of the analyser, in rad: as it is said to be, or as residuals tell.
+    /// Analyser angle in rad, as stated or as estimated from residuals.
     pub(crate) angle: f64,
-    /// As it is said to be.
+    /// Stated analyser angle in rad.
     pub(crate) said: f64,
 }
 
-/// Numbers of the frames that were taken at one analyser angle with different exposures, in the order of the first of
-/// each. A second frame with the same exposure is a new observation.
+/// Indices of the frames taken at one analyser angle with different exposures, in the order of the first of each. A
+/// second frame with the same exposure is a new observation.
 pub(crate) fn brackets(frames: &[Frame]) -> Vec<Vec<usize>> {
     let mut all: Vec<Vec<usize>> = vec![];
     for (i, frame) in frames.iter().enumerate() {
@@ -54,14 +54,14 @@ fn same_angle(a: &Frame, b: &Frame) -> bool {
     }
 }
 
-/// A decoded photograph, and the images behind its polarizers where they are interpolated.
+/// A decoded photograph, and the images behind its polarizers if they are interpolated.
 pub(crate) struct Photograph<'a> {
     pub(crate) frame: LinearFrame<'a>,
     pub(crate) full: Option<FullSize>,
 }
 
 impl Photograph<'_> {
-    /// Row `y` of a view, of which maps have a row of pixels: its light, and `bad[x]` set to 1 where that cannot be used.
+    /// Row `y` of a view in map pixels: its light, with `bad[x]` set to 1 where it is unusable.
     pub(crate) fn row(&self, view: &View, y: usize, light: &mut [f32], bad: &mut [u8]) {
         if let Some(full) = &self.full {
             return full.row(view, y, light, bad);
@@ -84,7 +84,7 @@ impl Photograph<'_> {
     }
 }
 
-/// What the photographs show, bracket by bracket.
+/// Views of the photographs, bracket by bracket.
 pub(crate) fn views(frames: &LoadedFrames, brackets: &[Vec<usize>], demosaic: Demosaic) -> Result<Vec<View>> {
     let set = &frames.set;
     let indexed = brackets.iter().enumerate().filter_map(|(i, b)| Some((i, set.frames.get(*b.first()?)?)));
@@ -130,7 +130,7 @@ mod tests {
         let by_exposure = [(0.0, 1.0), (60.0, 1.0), (0.0, 8.0), (60.0, 8.0)];
         assert_eq!(grouped(&by_exposure), [[0, 2], [1, 3]]);
         assert_eq!(grouped(&[(0.0, 1.0), (0.0, 1.0), (30.0, 1.0)]).len(), 3);
-        // A later bracket at an angle that has one already.
+        // A second bracket at an angle that already has one.
         let again = [(0.0, 1.0), (0.0, 8.0), (9.0, 1.0), (9.0, 8.0), (0.0, 1.0), (0.0, 8.0)];
         assert_eq!(grouped(&again), [[0, 1], [2, 3], [4, 5]]);
     }

@@ -1,13 +1,13 @@
-//! The streaming fit where variances differ from pixel to pixel: least squares weighted by their inverse.
+//! The streaming fit for variances that differ from pixel to pixel: least squares with inverse-variance weights.
 
 use crate::{Design, StokesMaps};
 use nacre_base::statistics::{median, median_chi_square};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-/// Sums per pixel, enough to solve the fit at any time: 10 floats and a flag, whatever the number of frames.
+/// Sums per pixel from which the fit can be solved at any time: 10 floats and a flag, for any number of frames.
 ///
-/// As in [`Fit`](crate::Fit), values are taken relative to the first frame.
+/// As in [`Fit`](crate::Fit), values are relative to the first frame.
 pub(crate) struct WeightedFit {
     width: usize,
     frames: usize,
@@ -26,7 +26,7 @@ struct Pixel {
     square: f32,
 }
 
-/// What a pixel's sums lead to.
+/// Solution of a pixel.
 struct Solved {
     /// A, C and S.
     beta: Vector3<f64>,
@@ -42,7 +42,7 @@ impl WeightedFit {
         Self { width, frames: 0, pixels: vec![Pixel::default(); width * height], bad: vec![0; width * height] }
     }
 
-    /// Pixels per row.
+    /// Width in pixels.
     pub(crate) fn width(&self) -> usize {
         self.width
     }
@@ -62,7 +62,7 @@ impl WeightedFit {
         Self { width: self.width.div_ceil(step), frames: self.frames, pixels: thin(&self.pixels), bad }
     }
 
-    /// Folds in one view at analyser angle `psi` (rad). `row(y, values, variances, bad)` fills in one row of linear values
+    /// Adds one view at analyser angle `psi` (rad). `row(y, values, variances, bad)` fills in one row of linear values
     /// with their variances and may set `bad[x] = 1`; it is called from several threads.
     pub(crate) fn add(&mut self, psi: f64, row: impl Fn(usize, &mut [f32], &mut [f32], &mut [u8]) + Sync) {
         let (first, width) = (self.frames == 0, self.width.max(1));
@@ -85,7 +85,7 @@ impl WeightedFit {
         self.frames += 1;
     }
 
-    /// Solves every pixel. The residual map holds χ², and the maps their own covariance.
+    /// Solves every pixel. The residual map contains χ², and the maps have a covariance per pixel.
     pub(crate) fn solve(self) -> StokesMaps {
         let (width, n) = (self.width, self.pixels.len());
         let plane = || vec![f32::NAN; n];
@@ -144,8 +144,8 @@ impl Pixel {
     }
 }
 
-/// By what the variances behind χ² are to be multiplied so that it is what it should be, from the median over the pixels;
-/// none when there are no degrees of freedom or too few pixels.
+/// Factor for the variances that makes the median χ² over the pixels match its expectation; `None` without degrees of
+/// freedom or for too few pixels.
 pub(crate) fn variance_factor(maps: &StokesMaps, design: &Design) -> Option<f64> {
     let mut chi_square: Vec<f32> =
         maps.residual.iter().zip(&maps.s0).filter(|(r, a)| r.is_finite() && **a > 0.0).map(|(r, _)| *r).collect();
@@ -155,7 +155,7 @@ pub(crate) fn variance_factor(maps: &StokesMaps, design: &Design) -> Option<f64>
     Some((f64::from(median(&mut chi_square)?) / median_chi_square(design.freedom())).max(f64::from(f32::MIN_POSITIVE)))
 }
 
-/// Multiplies the variances behind weighted maps.
+/// Multiplies the variances of weighted maps.
 pub(crate) fn scale_variances(maps: &mut StokesMaps, factor: f64) {
     let factor = factor as f32;
     maps.covariance.iter_mut().flatten().for_each(|v| *v *= factor);

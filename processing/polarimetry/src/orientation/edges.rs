@@ -1,4 +1,4 @@
-//! Edges between orientations: what the lens mixes there is neither the one nor the other, and σ from noise does not know.
+//! Edges between orientations: there the lens mixes both orientations, an error that σ from noise does not include.
 
 use crate::OrientationMaps;
 use nacre_base::vector_atan::folded;
@@ -6,13 +6,15 @@ use nacre_base::vectors::vectorised;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_PI_2;
 
-/// A second difference of up to so many standard deviations is noise; one pixel in thousands has a larger one by chance.
+/// Second difference in standard deviations up to which it counts as noise; one pixel in thousands exceeds it by
+/// chance.
 const JUMP: f32 = 4.0;
 
-/// Share of a second difference, here or in a neighbour, that a mixed pixel may be wrong by: half-way up an edge it is half of it.
+/// Largest error of a mixed pixel relative to the second difference, there or in a neighbour: halfway up an edge it is
+/// half of it.
 const MIXED: f32 = 0.5;
 
-/// Widens σ where orientations, from 0 to π, jump. Where they turn evenly, second differences are nothing, and σ stays.
+/// Increases σ at jumps of the orientation (0 to π). Second differences vanish for linear changes, where σ is kept.
 pub(crate) fn widen_at_edges(map: &mut OrientationMaps) {
     let OrientationMaps { width, height, orientation, sigma } = map;
     let (width, height) = (*width, *height);
@@ -27,7 +29,7 @@ pub(crate) fn widen_at_edges(map: &mut OrientationMaps) {
             || {
                 across.fill(0.0);
                 raise(across, [row(y), &row(y)[1..], &row(y)[2..]], 1);
-                // What the neighbours to both sides have counts, too.
+                // The neighbours' second differences count, too.
                 most.copy_from_slice(across);
                 for (most, before) in most[1..].iter_mut().zip(&*across) {
                     *most = most.max(*before);
@@ -46,17 +48,19 @@ pub(crate) fn widen_at_edges(map: &mut OrientationMaps) {
     });
 }
 
-/// Widens σ by what photographs that lie so many pixels apart (root mean square) show of other places: as much as orientations turn over them.
+/// Increases σ for photographs that are shifted relative to each other by `apart_px` (root mean square): by the change
+/// of the orientation over that distance.
 ///
-/// Photograph k shows a pixel as if its analyser were turned by g d_k, with g the change of the orientation per pixel. Errors of angles that sum up to
-/// nothing make an orientation wrong by at most their root mean square over √2, while they are small.
+/// Photograph k shows a pixel as if its analyser angle were off by g d_k, where g is the change of the orientation per
+/// pixel. Small angle errors with zero sum cause an orientation error of at most their root mean square over √2.
 pub(crate) fn widen_where_apart(map: &mut OrientationMaps, apart_px: f32) {
     let OrientationMaps { width, orientation, sigma, .. } = map;
     let width = *width;
     if apart_px <= 0.0 {
         return;
     }
-    // Where photographs contradict each other σ is not that of noise, which the clearest pixel tells of.
+    // Where photographs contradict each other σ exceeds that of noise, which is estimated from the pixel with the
+    // smallest σ.
     let noise = sigma.iter().copied().fold(FRAC_PI_2, f32::min);
     let rows: Vec<&[f32]> = orientation.chunks(width).collect();
     let beside = |x: usize, y: usize| rows.get(y).and_then(|row| row.get(x)).copied().unwrap_or(f32::NAN);
@@ -64,7 +68,7 @@ pub(crate) fn widen_where_apart(map: &mut OrientationMaps, apart_px: f32) {
         for (x, sigma) in sigma.iter_mut().enumerate() {
             let here = rows[y][x];
             let turn = |x: usize, y: usize| turned(beside(x, y), here).powi(2);
-            // The steeper of two sides; a masked neighbour tells nothing.
+            // The steeper of two sides; a masked neighbour is ignored.
             let across = turn(x + 1, y).max(turn(x.wrapping_sub(1), y)).max(0.0);
             let along = turn(x, y + 1).max(turn(x, y.wrapping_sub(1))).max(0.0);
             let slope = (across + along - 4.0 * noise * noise).max(0.0);
@@ -73,13 +77,14 @@ pub(crate) fn widen_where_apart(map: &mut OrientationMaps, apart_px: f32) {
     });
 }
 
-/// Smallest signed difference of two orientations from 0 to π.
+/// Smallest signed difference of two orientations in [0, π).
 #[inline(always)]
 fn turned(a: f32, b: f32) -> f32 {
     folded(a - b + FRAC_PI_2) - FRAC_PI_2
 }
 
-/// Raises values, from the `first` on, to the second differences of three runs of orientations; a masked one tells nothing.
+/// Raises values, from the `first` on, to the second differences of three runs of orientations; masked ones are
+/// ignored.
 #[inline(always)]
 fn raise(values: &mut [f32], [before, here, after]: [&[f32]; 3], first: usize) {
     let runs = before.iter().zip(here).zip(after);
@@ -89,8 +94,8 @@ fn raise(values: &mut [f32], [before, here, after]: [&[f32]; 3], first: usize) {
     }
 }
 
-/// The variance of a second difference is six times that of a pixel. What noise may have of it is taken off, so that what is noise after all widens
-/// σ by next to nothing.
+/// The variance of a second difference is six times that of a pixel. The possible contribution of noise is subtracted,
+/// so that mere noise hardly increases σ.
 #[inline(always)]
 fn widened(sigma: f32, bend: f32) -> f32 {
     let beyond = bend * bend - JUMP * JUMP * 6.0 * sigma * sigma;
@@ -109,7 +114,8 @@ mod tests {
         OrientationMaps { width, height, orientation, sigma: vec![0.002; width * height] }
     }
 
-    /// A pixel half-way up an edge, and those beside it, hold what they may be wrong by; those farther away, and masked ones, stay.
+    /// A pixel halfway up an edge and its neighbours have a σ that covers their error; pixels farther away, and masked
+    /// ones, are unchanged.
     #[test]
     fn mixed_pixels_are_told() {
         let mut edge = map(9, 5, |x, _| [0.3, 0.3, 0.3, 0.3, 0.5, 0.7, 0.7, 0.7, f32::NAN][x]);
@@ -119,19 +125,19 @@ mod tests {
         assert!([0, 1, 7, 8].iter().all(|x| row[*x] == 0.002), "{row:?}");
     }
 
-    /// Orientations that turn evenly, past 180° too, are no edges, nor is noise.
+    /// Linearly changing orientations, also across 180°, and noise are not edges.
     #[test]
     fn even_turns_and_noise_are_no_edges() {
         let noise = |x: usize, y: usize| 0.002 * synthetic::normal(5, (x + 1000 * y) as u64) as f32;
         let mut turning = map(200, 200, |x, y| (0.02 * x as f32 + 0.01 * y as f32 + noise(x, y)).rem_euclid(PI));
         widen_at_edges(&mut turning);
         let widened = turning.sigma.iter().filter(|s| **s > 0.002).count();
-        // 40,000 pixels, six second differences each, of which 6e-5 are beyond 4 standard deviations: about 15.
+        // 40,000 pixels with six second differences each, of which 6e-5 exceed 4 standard deviations: about 15.
         assert!(widened < 40, "{widened}");
     }
 
-    /// What photographs show of other places: by the definition where orientations turn evenly and at an edge; not where all is alike, nor where
-    /// they lie on each other. Beside a masked pixel the other side tells.
+    /// Shifted photographs increase σ as defined for linear changes and at an edge, but not for uniform orientation or
+    /// without shifts. Beside a masked pixel the other side is used.
     #[test]
     fn photographs_that_are_left_apart_widen_where_orientations_turn() {
         let of = |x: usize, y: usize| match (x, y) {
@@ -153,7 +159,8 @@ mod tests {
         assert!(together.sigma.iter().all(|s| *s == 0.002));
     }
 
-    /// Against the definition, pixel by pixel in double precision: any orientations, a ninth of them masked, edges of the map among them.
+    /// Compared with the definition in double precision: random orientations, a ninth of them masked, including the
+    /// edges of the map.
     #[test]
     fn sigma_is_widened_by_the_largest_second_difference_around() {
         const SIDES: [usize; 2] = [23, 11];
@@ -185,7 +192,7 @@ mod tests {
                 let variance = f64::from(0.002_f32).powi(2);
                 let beyond = (most * most - 96.0 * variance).max(0.0);
                 let wanted = (variance + 0.25 * beyond).sqrt().min(std::f64::consts::FRAC_PI_2);
-                // Single precision turns differences by its last digits, 4e-7 rad at most.
+                // Single precision changes differences by at most 4e-7 rad.
                 assert!((f64::from(*sigma) - wanted).abs() < 1e-6, "({x}, {y}): {sigma} {wanted}");
             }
         }

@@ -8,40 +8,40 @@ use nacre_base::vectors::vectorised;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// A pixel carries an orientation when its modulation is at least this many times its standard deviation, that is
-/// when σ(θ) ≤ 1/8 rad = 7.2°. Pure noise passes with probability e⁻⁸ = 0.03 %.
+/// Signal-to-noise ratio of the modulation from which a pixel has an orientation, corresponding to σ(θ) ≤ 1/8 rad =
+/// 7.2°. Pure noise passes with probability e⁻⁸ = 0.03 %.
 pub const MASK_SNR: f32 = 4.0;
 
-/// A residual beyond the χ² quantile at this many standard deviations (1 in 100,000) is no noise: the pixel does not
-/// follow the model, and its σ is widened by the factor that explains the residual.
+/// χ² quantile (1 in 100,000), in standard deviations of a normal distribution, above which a residual is not noise.
+/// The pixel then does not follow the model, and its σ is multiplied by the factor that explains the residual.
 const MISFIT_Z: f64 = 4.27;
 
 /// Orientation per pixel, NaN where masked.
 pub struct OrientationMaps {
-    /// Pixels per row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
-    /// Orientation in `[0, π)` rad, up to one offset common to all pixels (a gauge: 2018 paper, section 5.3).
+    /// Orientation in `[0, π)` rad, up to an unknown offset common to all pixels (2018 paper, section 5.3).
     pub orientation: Vec<f32>,
-    /// Standard deviation of the orientation in rad: of noise, and in what is written of the model and of edges as well. Not
-    /// masked, so that one sees why a pixel is.
+    /// Standard deviation of the orientation in rad due to noise; in written maps also due to the model and to edges.
+    /// It is not masked, so that it shows why a pixel is.
     pub sigma: Vec<f32>,
 }
 
-/// Orientation, σ and mask of every pixel. `noise` is one entry per frame of `design`; `offset` (rad) is added to all
-/// orientations, to fix the gauge where one orientation is known.
+/// Orientation, σ and mask of every pixel. `noise` has one entry per frame of `design`; `offset` (rad) is added to all
+/// orientations, for absolute orientations if one is known.
 ///
 /// σ(θ) follows from the 3×3 covariance of (A, C, S): with (C, S) the modulation and t the unit vector across it,
 /// `σ = sqrt(tᵀ Cov t) / (2 |(C, S)|)`.
 ///
-/// Consumes the residual map: σ takes its place in memory.
+/// Consumes the residual map, whose memory σ reuses.
 pub fn orient(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], offset: f64) -> OrientationMaps {
     let residual = std::mem::take(&mut maps.residual);
     phases(maps, residual, design, noise, offset)
 }
 
-/// The same while others read the maps.
+/// As [`orient`], without mutable access to the maps.
 pub(crate) fn phases(
     maps: &StokesMaps,
     residual: Vec<f32>,
@@ -73,7 +73,7 @@ pub(crate) fn phases(
     OrientationMaps { width: maps.width, height: maps.height, orientation, sigma }
 }
 
-/// Orientations and σ of a run of pixels; `sigma` holds residuals to begin with.
+/// Orientations and σ of a run of pixels; `sigma` initially holds residuals.
 #[inline(always)]
 fn phases_of(
     [s0, s1, s2]: [&[f32]; 3],
@@ -89,7 +89,8 @@ fn phases_of(
         let fitted @ [a, c, s] = [0.5 * s0[i], 0.5 * s1[i], 0.5 * s2[i]];
         let [_, _, _, vc, vcs, vs] = covariance(i, fitted);
         let modulation = (c * c + s * s).sqrt();
-        // The unit vector first: products of tiny modulations with variances vanish, and σ would be 0.
+        // The unit vector is computed first: products of tiny modulations with variances would underflow, and σ would
+        // be 0.
         let (u, v) = (c / modulation, s / modulation);
         let across = (v * v * vc - 2.0 * u * v * vcs + u * u * vs).max(0.0);
         let widened = (across * misfit.factor(a, sigma[i])).sqrt();
@@ -100,7 +101,7 @@ fn phases_of(
     }
 }
 
-/// Widens the variance of pixels whose residual the noise cannot explain.
+/// Increases the variance of pixels whose residual exceeds the noise.
 pub(crate) struct Misfit {
     freedom: f32,
     limit: f32,
@@ -114,7 +115,7 @@ impl Misfit {
         let shot = (noise.iter().map(|f| f.shot).sum::<f64>() / n) as f32;
         let floor = (noise.iter().map(|f| f.floor).sum::<f64>() / n) as f32;
         let limit = if freedom > 0 { chi_square_quantile(freedom, MISFIT_Z) as f32 } else { f32::INFINITY };
-        // Of weighted maps the residual is χ² already.
+        // The residual of weighted maps is χ² already.
         let (shot, floor) = if maps.covariance.is_empty() { (shot, floor) } else { (0.0, 1.0) };
         Self { freedom: freedom.max(1) as f32, limit, shot, floor }
     }
@@ -189,7 +190,7 @@ mod tests {
             prop_assert!(angle_difference(map.orientation[0].into(), aolp).abs() < 1e-4 / dolp.min(0.1));
         }
 
-        /// Turning sample and analyser together by δ turns the map by δ and changes nothing else.
+        /// Rotating sample and analyser together by δ rotates the map by δ and changes nothing else.
         #[test]
         fn turning_sample_and_analyser_turns_the_map(delta in -3.0..3.0f64, aolp in 0.0..3.1f64) {
             let at = |angle: f64| Stokes { s0: 1.0, s1: 0.4 * (2.0 * angle).cos(), s2: 0.4 * (2.0 * angle).sin(), s3: 0.0 };
@@ -202,7 +203,7 @@ mod tests {
         }
     }
 
-    /// σ equals the scatter of repeated noisy fits within 5 %: 20,000 repeats, so the scatter is known to 0.5 %.
+    /// σ equals the scatter of repeated noisy fits within 5 %; with 20,000 repeats the scatter is known to 0.5 %.
     #[test]
     fn sigma_matches_the_scatter_of_repeats() {
         let camera = NoiseModel { full_scale_e: 8000.0, read_noise_e: 12.0 };
@@ -232,7 +233,7 @@ mod tests {
         }
     }
 
-    /// Light whose modulation is nothing but rounding is masked, also where subnormal numbers are flushed to zero.
+    /// Modulation due to rounding is masked, also where subnormal numbers are flushed to zero.
     #[test]
     fn modulation_of_rounding_is_masked() {
         nacre_base::numeric::flush_subnormals();
@@ -263,7 +264,7 @@ mod tests {
         assert!(passed <= 20, "{passed}");
     }
 
-    /// The noise is found in the residuals to 5 %, so σ is right without a noise model too.
+    /// The noise estimated from the residuals is correct to 5 %, so σ is also correct without a noise model.
     #[test]
     fn noise_is_estimated_from_residuals() {
         let psi = angles(8, 0.1);

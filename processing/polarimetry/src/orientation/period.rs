@@ -1,32 +1,32 @@
-//! The period of the grating in every pixel, from the same fit that gives its orientation. Both ways assume much; the
-//! measured answer is a spot scan.
+//! The period of the grating in every pixel, from the fit that gives its orientation. Both methods rely on strong
+//! assumptions; a spot scan measures the period.
 //!
-//! - [`relative_period`] is the 2018 paper's section 5.4: the specular intensity taken as ∝ period². This is a
-//!   **heuristic**: the zero order of an infinite sinusoid does not follow that law (in scalar theory it does not
-//!   depend on the period at all; rigorously, 100 nm aluminium in air at 560 nm reflects 0.459, 0.447 and 0.455 at 2.0,
-//!   1.0 and 0.7 µm, so the law finds 1 : 0.99 : 1.00 where the periods are 1 : 0.5 : 0.35). Any unevenness of light or
-//!   reflectance is read as a period: ±40 % of it as ±20 %.
-//! - [`PeriodScale`] inverts the degree of linear polarization through Maxwell's equations, for an *assumed* depth,
-//!   metal and film. Its σ is that of noise alone; wrong assumptions are a bias on top. Measured without noise on
-//!   periods from 1.2 to 1.8 µm at 560 nm, assuming 100 nm of aluminium and the true index above except where stated:
+//! - [`relative_period`] is the 2018 paper's section 5.4, which assumes specular intensity ∝ period². This is a
+//!   **heuristic**: the zero order of an infinite sinusoid does not follow that law. In scalar theory it does not
+//!   depend on the period at all. Rigorously, 100 nm aluminium in air at 560 nm reflects 0.459, 0.447 and 0.455 at 2.0,
+//!   1.0 and 0.7 µm. The law then gives 1 : 0.99 : 1.00 for periods of 1 : 0.5 : 0.35. Variations of light or
+//!   reflectance appear as periods: ±40 % as ±20 %.
+//! - [`PeriodScale`] inverts the degree of linear polarization by rigorous diffraction, for an *assumed* depth, metal
+//!   and film. Its σ includes noise only; wrong assumptions add a bias. Measured without noise for periods from 1.2 to
+//!   1.8 µm at 560 nm, assuming 100 nm of aluminium and the true index above except where stated:
 //!
-//! | pixels are made with | mean error, in air | under film (1.468) |
-//! |---|---|---|
-//! | what is assumed | 0.0 % | 0.0 % |
-//! | 80 nm | +28.6 % | +38.8 % |
-//! | 90 nm | +13.1 % | +18.0 % |
-//! | 110 nm | -11.1 % | -16.2 % |
-//! | 120 nm | -20.6 % | -31.9 % |
-//! | silver (0.12 + 3.45i) | -2.5 % | -3.8 % |
-//! | gold (0.33 + 2.6i) | -1.8 % | -4.1 % |
-//! | chromium (2.7 + 3.3i) | +7.1 % | +9.7 % |
-//! | index above 0.1 higher | -2.5 % | -5.2 % |
+//! Mean error for each simulated grating:
 //!
-//! So the depth is what must be known: 10 % of it are 11 to 18 % of the period. Near a surface plasmon or where an order
-//! begins to propagate, several periods answer to one polarization; those are masked. In air, of 0.6 to 3.0 µm,
-//! 0.60-1.05, 1.20-1.60 and 1.68-3.0 µm can be told; under film 0.60-0.75, 0.81-0.97 and 1.15-3.0 µm.
+//! - as assumed: 0.0 % in air, 0.0 % under film (1.468)
+//! - 80 nm: +28.6 % in air, +38.8 % under film
+//! - 90 nm: +13.1 %, +18.0 %
+//! - 110 nm: -11.1 %, -16.2 %
+//! - 120 nm: -20.6 %, -31.9 %
+//! - silver (0.12 + 3.45i): -2.5 %, -3.8 %
+//! - gold (0.33 + 2.6i): -1.8 %, -4.1 %
+//! - chromium (2.7 + 3.3i): +7.1 %, +9.7 %
+//! - index above 0.1 higher: -2.5 %, -5.2 %
 //!
-//! Birefringent film and front reflection change the polarization as well and are not in the model.
+//! The depth must therefore be known: a depth error of 10 % causes a period error of 11 to 18 %. Near a surface plasmon
+//! or an order's onset, several periods correspond to one polarization; those are masked. For 0.6 to 3.0 µm, invertible
+//! ranges in air are 0.60-1.05, 1.20-1.60 and 1.68-3.0 µm; under film 0.60-0.75, 0.81-0.97 and 1.15-3.0 µm.
+//!
+//! Birefringent film and front reflection also change the polarization and are not modelled.
 
 use crate::{OrientationMaps, StokesMaps};
 use nacre_base::{Error, Result};
@@ -34,27 +34,27 @@ use nacre_optics::rcwa::{Grating, RatioTable};
 use num_complex::Complex;
 use rayon::prelude::*;
 
-/// A pixel's value must be invertible over this many σ to both sides.
+/// The degree of polarization must be invertible over this many σ on both sides.
 const SURE: f64 = 2.0;
 
 /// Period per pixel, NaN where masked.
 pub struct PeriodMaps {
-    /// Pixels per row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
     /// Period in µm.
     pub period_um: Vec<f32>,
-    /// Standard deviation in µm from noise alone; NaN where masked, and everywhere when the period is heuristic.
+    /// Standard deviation in µm due to noise; NaN where masked, and everywhere for heuristic periods.
     pub sigma_um: Vec<f32>,
 }
 
 /// **Heuristic** relative period (2018 paper, section 5.4): the square root of the mean intensity relative to the
-/// brightest pixel with an orientation, retargeted from 0..1 to `range_um` (µm). Only its rank order has a meaning, and
-/// that only where light and reflectance are even; it has no σ.
+/// brightest pixel with an orientation, mapped from 0..1 to `range_um` (µm). Only its rank order is meaningful, and
+/// only for uniform light and reflectance; it has no σ.
 ///
 /// # Errors
-/// A range that is not two rising numbers of µm, 0 or more.
+/// For a range other than two increasing numbers of µm, 0 or more.
 pub fn relative_period(maps: &StokesMaps, orientation: &OrientationMaps, range_um: [f64; 2]) -> Result<PeriodMaps> {
     let [low, high] = range_um;
     if !(low >= 0.0 && high > low && high.is_finite()) {
@@ -70,25 +70,26 @@ pub fn relative_period(maps: &StokesMaps, orientation: &OrientationMaps, range_u
 }
 
 /// Degree of linear polarization of circular light behind a grating with ratio R, without film (2018 paper, Eq. 9):
-/// `|(1 - r², 2r sin ζ)| / (1 + r²)`. Close to the contrast `|Rs - Rp|/(Rs + Rp)`, but free of the orientation's gauge.
+/// `|(1 - r², 2r sin ζ)| / (1 + r²)`. It is close to the contrast `|Rs - Rp|/(Rs + Rp)`, but independent of the common
+/// offset of the orientations.
 pub fn polarization_of(ratio: Complex<f64>) -> f64 {
     let power = ratio.norm_sqr();
     (1.0 - power).hypot(2.0 * ratio.im) / (1.0 + power)
 }
 
-/// The period as a function of the degree of linear polarization, where it is one.
+/// The period as a function of the degree of linear polarization, where it is unique.
 #[derive(Clone, Debug)]
 pub struct PeriodScale {
-    /// Values at nodes in rising order: between two neighbours the same intervals of period answer.
+    /// Values at nodes in increasing order; between two neighbours the same period intervals correspond.
     levels: Vec<f64>,
-    /// Per gap between levels, the only interval of period that answers: (period, value) at both its ends.
+    /// For each gap between levels the unique period interval, if any: (period, value) at both its ends.
     gaps: Vec<Option<[(f64, f64); 2]>>,
     invertible: Vec<[f64; 2]>,
 }
 
 impl PeriodScale {
-    /// For periods in `range_um` (µm; the true period must be known to lie there), with the depth and the media of
-    /// `assumed` (its period does not count), to `max_error` in R.
+    /// Scale for periods in `range_um` (µm), which must contain the true period. Depth and media are those of
+    /// `assumed`, whose period is ignored; the error of R is at most `max_error`.
     ///
     /// # Errors
     /// As [`RatioTable::new`].
@@ -127,12 +128,13 @@ impl PeriodScale {
         Self { levels, gaps, invertible }
     }
 
-    /// Ranges of period (µm, rising) whose polarization belongs to no other period of the range.
+    /// Ranges of period (µm, increasing) whose polarization corresponds to no other period of the range.
     pub fn invertible(&self) -> &[[f64; 2]] {
         &self.invertible
     }
 
-    /// Period in µm and its slope (µm per unit of polarization); None where no period or several answer.
+    /// Period in µm and its slope (µm per unit of polarization); `None` if no period or several correspond to the
+    /// polarization.
     pub fn period(&self, polarization: f64) -> Option<(f64, f64)> {
         let above = self.levels.partition_point(|l| *l <= polarization);
         let segment = self.gaps.get(above.checked_sub(1)?)?.as_ref()?;
@@ -140,9 +142,10 @@ impl PeriodScale {
         Some((along(segment, polarization), slope))
     }
 
-    /// Period of every pixel that has an orientation. σ follows from the orientation's: the modulation scatters as much
-    /// along as across, so `σ(polarization) = 2·polarization·σ(θ)`; what the mean intensity scatters is smaller by the
-    /// polarization itself. Masked where the polarization, give or take two σ, belongs to no period or to several.
+    /// Period of every pixel with an orientation. σ follows from that of the orientation: the modulation has equal
+    /// errors along and across, so `σ(polarization) = 2·polarization·σ(θ)`. The contribution of the mean intensity is
+    /// smaller by a factor of the polarization. A pixel is masked if its polarization within two σ corresponds to no
+    /// period or to several.
     pub fn invert(&self, maps: &StokesMaps, orientation: &OrientationMaps) -> PeriodMaps {
         let pixel = |i: usize| {
             let value = f64::from(maps.s1[i].hypot(maps.s2[i]) / maps.s0[i]);
@@ -173,13 +176,13 @@ mod tests {
 
     const FOIL: Grating = Grating { period_um: 1.0, depth_um: 0.1, above: 1.0, below: ALUMINIUM };
 
-    /// Light behind a foil of this period, at this orientation.
+    /// Light reflected by a foil of this period and orientation.
     fn light(foil: &Grating, orientation: f64) -> Stokes {
         let ratio = ratio(foil, 560.0, 1e-5).unwrap();
         Jones::grating(orientation, ratio).apply(JonesVector::circular()).stokes()
     }
 
-    /// Sums of twelve uniform deviates from a linear congruential generator: normal enough for a variance.
+    /// Sum of twelve uniform deviates from a linear congruential generator: sufficiently normal for a variance.
     fn normal(state: &mut u64) -> f64 {
         (0..12)
             .map(|_| {
@@ -223,7 +226,7 @@ mod tests {
         assert!((scatter / sigma - 1.0).abs() < 0.05, "{scatter} {sigma}");
     }
 
-    /// One solution, turned: 4000 would take a minute.
+    /// One solution, rotated: 4000 solutions would take a minute.
     fn light_at_0_8(orientation: f64) -> Stokes {
         static R: std::sync::OnceLock<Complex<f64>> = std::sync::OnceLock::new();
         let r = *R.get_or_init(|| ratio(&Grating { period_um: 0.8, ..FOIL }, 560.0, 1e-5).unwrap());
@@ -260,7 +263,7 @@ mod tests {
         assert!([0.7, -0.1, 2.1, f64::NAN].iter().all(|v| scale.period(*v).is_none()));
     }
 
-    /// A pixel whose value is unique but whose noise reaches into what is not, is masked.
+    /// A pixel with a unique value is masked if its noise extends into an ambiguous range.
     #[test]
     fn uncertain_pixels_are_masked() {
         let scale = PeriodScale::of(&[(1.0, 0.0), (2.0, 1.0), (3.0, 0.5), (4.0, 2.0)]);

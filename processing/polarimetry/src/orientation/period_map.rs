@@ -1,4 +1,4 @@
-//! The map of periods that a reconstruction makes when it is asked to, and what its report says of it.
+//! The optional period map of a reconstruction, and its report.
 
 use crate::{OrientationMaps, PeriodMaps, PeriodScale, StokesMaps, polarization_of, relative_period};
 use nacre_base::statistics::quantile;
@@ -10,37 +10,37 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// Periods (µm) that can be asked for; longer ones would take minutes of Maxwell's equations.
+/// Permitted range of periods in µm; longer ones would take minutes of rigorous diffraction.
 const PERIODS_UM: [f64; 2] = [0.1, 20.0];
-/// Deepest surface that can be assumed, in µm.
+/// Largest assumed depth in µm.
 const DEEPEST_UM: f64 = 2.0;
-/// Error of R in the table that is inverted.
+/// Error of R in the inverted table.
 const TABLE_ERROR: f64 = 1e-3;
-/// Error of the assumed depth that the report gives the consequence of.
+/// Relative error of the assumed depth whose effect is reported.
 const DEPTH_OFF: f64 = 0.1;
 
-/// From what periods are told. See `period.rs` for what both ways assume and miss.
+/// Method of period estimation. `period.rs` describes the assumptions and limits of both.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "from", rename_all = "snake_case", deny_unknown_fields)]
 pub enum PeriodMethod {
-    /// **Heuristic**: from the mean intensity, as the 2018 paper does (section 5.4).
+    /// **Heuristic**: from the mean intensity, as in the 2018 paper (section 5.4).
     Brightness {
-        /// What the darkest possible and the brightest pixel are given, in µm.
+        /// Periods in µm assigned to zero brightness and to the brightest pixel.
         range_um: [f64; 2],
     },
-    /// From the degree of linear polarization by Maxwell's equations, for an assumed surface.
+    /// From the degree of linear polarization by rigorous diffraction, for an assumed surface.
     Contrast {
-        /// Range in µm in which all periods are known to lie.
+        /// Range in µm that must contain all periods.
         range_um: [f64; 2],
-        /// Assumed depth of the grating, peak to peak, in µm.
+        /// Assumed peak-to-peak depth of the grating in µm.
         depth_um: f64,
         /// Assumed metal.
         #[serde(default)]
         metal: Metal,
-        /// Refractive index of what lies on the metal.
+        /// Refractive index of the medium above the metal.
         #[serde(default = "air")]
         index_above: f64,
-        /// Wavelength in vacuum in nm; that of the photographs when it is not given.
+        /// Vacuum wavelength in nm; default: that of the photographs.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         wavelength_nm: Option<f64>,
     },
@@ -65,7 +65,7 @@ const METALS: [(&str, Complex<f64>); 4] = [
 ];
 
 impl Metal {
-    /// Its complex refractive index; the imaginary part is positive.
+    /// Complex refractive index with a positive imaginary part.
     pub fn index(self) -> Complex<f64> {
         self.0
     }
@@ -116,31 +116,33 @@ impl fmt::Display for Metal {
     }
 }
 
-/// What the report says of the map of periods.
+/// Report of the period map.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "PolarizationPeriodReport")]
 pub struct PeriodReport {
-    /// What was asked for, with everything that is assumed.
+    /// The requested method, with all its assumptions.
     pub method: PeriodMethod,
-    /// The periods are no measurement: only their order has a meaning.
+    /// Whether the periods are heuristic: only their order is meaningful.
     pub heuristic: bool,
-    /// Ranges of period in µm that the polarization tells from all others, under the assumptions; empty when heuristic.
+    /// Ranges of period in µm that the polarization determines uniquely, under the assumptions; empty for heuristic
+    /// periods.
     pub unique_um: Vec<[f64; 2]>,
     /// Pixels with a period.
     pub valid: usize,
-    /// Pixels with an orientation but without a period: none or several in the range answer to their polarization.
+    /// Pixels with an orientation but without a period, since no period or several in the range correspond to their
+    /// polarization.
     pub ambiguous: usize,
     /// Median period in µm.
     pub median_um: Option<f64>,
-    /// Median σ of the period in µm, from noise alone.
+    /// Median σ of the period in µm, due to noise.
     pub sigma_median_um: Option<f64>,
-    /// Relative error of the median period if the surface is in truth 10 % shallower, and 10 % deeper, than assumed; null where
+    /// Relative error of the median period if the true depth is 10 % smaller, and 10 % larger, than assumed; null where
     /// no period would be found.
     pub if_depth_is_off: Option<[Option<f64>; 2]>,
 }
 
 impl PeriodMethod {
-    /// What is shown with every picture.
+    /// Label shown with every picture.
     pub(crate) fn label(&self) -> String {
         match self {
             Self::Brightness { .. } => "period (µm), heuristic".into(),
@@ -154,10 +156,10 @@ impl PeriodMethod {
         }
     }
 
-    /// Completes it with the wavelength of the photographs.
+    /// Adds the wavelength of the photographs.
     ///
     /// # Errors
-    /// Numbers that make no sense; no wavelength.
+    /// For invalid numbers, and for a missing wavelength.
     pub(crate) fn completed(&self, photographs_nm: Option<f64>) -> Result<Self> {
         let ([low, high], [least, most]) = (self.range_um(), PERIODS_UM);
         let bad = |what: &str, found: String, wanted: &str| Error::input(what, found, wanted);
@@ -185,7 +187,7 @@ impl PeriodMethod {
         Ok(Self::Contrast { range_um, depth_um, metal, index_above, wavelength_nm: Some(nm) })
     }
 
-    /// Period of every pixel with an orientation, what to say of it, and what to beware of. Must be completed.
+    /// Period of every pixel with an orientation, its report, and warnings. The method must be completed.
     pub(crate) fn tell(
         &self,
         maps: &StokesMaps,
@@ -214,7 +216,7 @@ impl PeriodMethod {
     }
 }
 
-/// Relative error of a period that is found with the assumed depth where the true one is 10 % less, and more.
+/// Relative error of a period found with the assumed depth if the true depth is 10 % smaller, and larger.
 fn if_depth_is_off(scale: &PeriodScale, assumed: &Grating, period_um: f64, nm: f64) -> Option<[Option<f64>; 2]> {
     let error = |off: f64| {
         let truth = Grating { period_um, depth_um: assumed.depth_um * (1.0 + off), ..*assumed };

@@ -1,4 +1,5 @@
-//! Errors of a polarization sensor's maps where light varies: its four polarizers see neighbouring places, which σ of noise does not contain.
+//! Errors of a polarization sensor's maps where light varies: its four polarizers view neighbouring points, an error
+//! that σ of noise does not include.
 
 use crate::fit::views::View;
 use crate::{Demosaic, Design, OrientationMaps, StokesMaps};
@@ -6,34 +7,35 @@ use rayon::prelude::*;
 use std::f32::consts::FRAC_PI_2;
 use std::ops::Range;
 
-/// Share of the variance of noise that noise in the differences of neighbouring pixels may add. It is subtracted, so that σ of even light stays.
+/// Largest variance, relative to that of noise, that noise in the differences of neighbouring pixels may add. It is
+/// subtracted, so that σ is unchanged for uniform light.
 const NOISE: f32 = 0.5;
 
-/// Error of edge-aware images as a share of that of bilinear ones, at most, in waves that the sensor samples (chart `demosaic`, 0.12 to 0.25 cycles
-/// per pixel).
+/// Upper bound of the error of edge-aware images relative to bilinear ones, for waves that the sensor resolves (chart
+/// `demosaic`, 0.12 to 0.25 cycles per pixel).
 const EDGE_AWARE: f64 = 0.3;
 
 /// Errors `[S1, S2]` per difference of `[S0, S1, S2]`.
 type Effect = [[f32; 3]; 2];
 
-/// Errors of S1 and S2 due to the places of the polarizers.
+/// Errors of S1 and S2 due to the positions of the polarizers.
 pub(crate) struct Places {
-    /// Effect of the differences along x and along y, by the place of a map's pixel in its block (row by row).
+    /// Effect of the differences along x and along y, by the position of a map pixel in its block (row by row).
     effects: [[Effect; 2]; 4],
-    /// The largest of their effects counts.
+    /// Differences, of whose effects the largest counts.
     differences: Vec<Difference>,
 }
 
 /// A difference between pixels along an axis.
 struct Difference {
-    /// Distances of the pixels and their factors.
+    /// Offsets of the pixels and their factors.
     taps: Vec<(isize, f32)>,
-    /// The one pixel that it is for, counted from the first (0) or the last (-1); otherwise all.
+    /// The only pixel to which it applies, counted from the first (0) or the last (-1); `None` for all.
     only: Option<isize>,
 }
 
 impl Places {
-    /// Of the views of a sensor; `None` if all views see the same places.
+    /// For the views of a sensor; `None` if all views see the same points.
     pub fn of(views: &[View], design: &Design, demosaic: Demosaic) -> Option<Self> {
         let block = views.first().map(|v| v.block).filter(|b| *b > 1)?;
         let mean = |v: &View, axis: usize| v.pixels.iter().map(|p| p[axis] as f64).sum::<f64>() / v.pixels.len() as f64;
@@ -45,8 +47,8 @@ impl Places {
         })
     }
 
-    /// Of one pixel per block of `block` pixels, with views at `places` (x, y). Polarizers away from the centre see light that differs by the
-    /// slope, to first order. A block may straddle an edge, so that the steeper side counts.
+    /// For one pixel per block of `block` pixels, with views at `places` (x, y). Off-centre polarizers see light that
+    /// differs by the gradient, to first order. A block may straddle an edge, so the steeper side counts.
     fn super_pixels(places: &[[f64; 2]], design: &Design, block: usize) -> Self {
         let center = [0, 1].map(|axis| places.iter().map(|p| p[axis]).sum::<f64>() / places.len().max(1) as f64);
         let effects = [0, 1].map(|axis| effect(design, |k| (places[k][axis] - center[axis]) / block as f64));
@@ -54,8 +56,8 @@ impl Places {
         Self { effects: [effects; 4], differences: vec![slope(-1), slope(1)] }
     }
 
-    /// Of images behind each polarizer. The mean of two neighbours differs by half of the second derivative; of the outermost pixels both
-    /// neighbours are the inner one.
+    /// For images behind each polarizer. The mean of two neighbours differs by half of the second derivative; for the
+    /// outermost pixels both neighbours are the inner one.
     fn interpolated(places: &[[f64; 2]], design: &Design, demosaic: Demosaic) -> Self {
         let share = if demosaic == Demosaic::EdgeAware { EDGE_AWARE } else { 1.0 };
         let elsewhere = |k: usize, place: usize, axis: usize| {
@@ -63,11 +65,11 @@ impl Places {
             if places[k][axis] as usize == own { 0.0 } else { share }
         };
         let effects = [0, 1, 2, 3].map(|place| [0, 1].map(|axis| effect(design, |k| elsewhere(k, place, axis))));
-        // Two pixels away, as the next ones are interpolated between the same measured pixels. Of three pixels the largest, as a bend of zero
-        // between others says nothing of the third derivative.
+        // Second differences over two pixels, since adjacent pixels are interpolated between the same measured ones.
+        // The largest of three counts, because a zero second difference does not exclude a third derivative.
         let bend = |at: isize| vec![(at - 2, 0.125), (at, -0.25), (at + 2, 0.125)];
         let bends = [-1, 0, 1].map(|at| Difference { taps: bend(at), only: None });
-        // Next to the end, and at it, from inner pixels: S0, too, is wrong in the outermost.
+        // Extrapolated from inner pixels at the last two positions: at the end S0 has an error, too.
         let ends = [0, -1].map(|end| {
             let inwards = 1 + 2 * end;
             let slope = vec![(4 * inwards, 0.5), (2 * inwards, -0.5)];
@@ -77,7 +79,7 @@ impl Places {
         Self { effects, differences: bends.into_iter().chain(ends.into_iter().flatten()).collect() }
     }
 
-    /// Widens σ by what the differences of the maps make of the places.
+    /// Increases σ by the effect of the positions on the differences of the maps.
     pub fn widen(&self, maps: &StokesMaps, map: &mut OrientationMaps) {
         let width = maps.width;
         map.sigma.par_chunks_mut(width).enumerate().for_each_init(
@@ -93,7 +95,7 @@ impl Places {
         );
     }
 
-    /// Adds the squares of the angle's errors in row `y` due to differences along an axis.
+    /// Adds the squared errors of the angle in row `y` due to differences along an axis.
     fn add(&self, maps: &StokesMaps, y: usize, axis: usize, scratch: &mut Scratch) {
         let StokesMaps { width, height, s0, s1, s2, .. } = maps;
         let (count, stride) = if axis == 0 { (*width, 1) } else { (*height, *width) };
@@ -116,7 +118,7 @@ impl Places {
                     }
                 }
             }
-            // Bad neighbours tell nothing: `max` leaves NaN out.
+            // Unusable neighbours are ignored: `max` skips NaN.
             for (most, error) in scratch.most.iter_mut().zip(&scratch.error) {
                 *most = most.max(error * error);
             }
@@ -151,7 +153,8 @@ impl Scratch {
         Self { weights: [row(), row(), row()], error: row(), most: row(), square: row() }
     }
 
-    /// Weights of row `y`; the angle is wrong by (S1 δS2 - S2 δS1) / (2 (S1² + S2²)). `effects` are those of even and odd columns.
+    /// Computes the weights of row `y`; the error of the angle is (S1 δS2 - S2 δS1) / (2 (S1² + S2²)). `effects` are
+    /// those of even and odd columns.
     fn weigh(&mut self, maps: &StokesMaps, y: usize, effects: [&Effect; 2]) {
         let first = y * maps.width;
         for (c, weights) in self.weights.iter_mut().enumerate() {
@@ -178,8 +181,9 @@ fn effect(design: &Design, share: impl Fn(usize) -> f64) -> Effect {
     effect.map(|row| row.map(|v| v as f32))
 }
 
-/// Widens σ of the maps of a polarization sensor with blocks of 2×2 pixels by the errors that the places of its polarizers cause. `design` holds
-/// the analyser angles of a block row by row, as [`demosaiced`](crate::demosaiced) orders images.
+/// Increases σ of the maps of a polarization sensor with 2×2 blocks by the errors due to the positions of its
+/// polarizers. `design` holds the analyser angles of a block row by row, as [`demosaiced`](crate::demosaiced) orders
+/// images.
 pub fn widen_between_polarizers(map: &mut OrientationMaps, maps: &StokesMaps, design: &Design, demosaic: Demosaic) {
     let places: Vec<[f64; 2]> = (0..design.frames()).map(|k| [(k % 2) as f64, (k / 2 % 2) as f64]).collect();
     let places = match demosaic {
@@ -197,7 +201,7 @@ mod tests {
     const SIDE: usize = 64;
     const ANGLES: [f64; 4] = [90.0, 45.0, 135.0, 0.0];
 
-    /// Errors and σ (rad) of a map of light that has a degree of polarization of 0.3 at 0.7 rad everywhere, without noise.
+    /// Errors and σ (rad) of a noise-free map of light with a uniform degree of polarization of 0.3 at 0.7 rad.
     fn errors(demosaic: Demosaic, light: impl Fn(f64, f64) -> f64) -> Vec<[f64; 2]> {
         let angles = ANGLES.map(f64::to_radians);
         let pixel = |i: usize| {
@@ -213,7 +217,7 @@ mod tests {
         let design = Design::new(&angles).unwrap();
         let mut maps = fit.solve(&design);
         let mut map = orient(&mut maps, &design, &[FrameNoise { shot: 0.0, floor: 1e-10 }; 4], 0.0);
-        // What rounding to f32 leaves in residuals counts as noise.
+        // Rounding to f32 in the residuals counts as noise.
         map.sigma.fill(1e-6);
         widen_between_polarizers(&mut map, &maps, &design, demosaic);
         let error = |theta: &f32| angle_difference(f64::from(*theta), 0.7).abs();
@@ -224,7 +228,8 @@ mod tests {
         values.iter().map(|v| v[which]).sum::<f64>() / values.len() as f64
     }
 
-    /// The slope of light is a false polarization, which differences of the maps tell exactly where it is small.
+    /// A gradient of the light causes false polarization, which differences of the maps predict exactly where it is
+    /// small.
     #[test]
     fn slopes_are_told() {
         for slope in [[2e-4, 0.0], [0.0, 2e-4]] {
@@ -232,12 +237,12 @@ mod tests {
             assert!(ramp.iter().all(|[error, sigma]| (sigma / error - 1.0).abs() < 0.02), "{:?}", ramp[65]);
             assert!(mean(&ramp, 0) > 2e-4);
         }
-        // Along both axes errors add up or cancel: σ is the root of the sum of their squares, which the sum exceeds by up to √2.
+        // Errors along both axes add up or cancel: σ is their root sum square, which the sum exceeds by up to √2.
         let both = errors(Demosaic::None, |x, y| 0.5 + 2e-4 * x - 1e-4 * y);
         assert!(both.iter().all(|[error, sigma]| *error < 1.42 * sigma), "{:?}", both[65]);
     }
 
-    /// Interpolated images follow slopes; what they bend by is told.
+    /// Interpolated images reproduce gradients; the error from their curvature is included in σ.
     #[test]
     fn bends_are_told() {
         let ramp = errors(Demosaic::Bilinear, |x, y| 0.5 + 2e-4 * x + 1e-4 * y);
@@ -245,7 +250,7 @@ mod tests {
         assert!((0..ramp.len()).filter(|i| inside(*i)).all(|i| ramp[i][0] < 1e-5), "{:?}", ramp[65]);
         let bowl = errors(Demosaic::Bilinear, |x, _| 0.4 + 1e-4 * (x - 32.0).powi(2));
         let inner: Vec<[f64; 2]> = (0..bowl.len()).filter(|i| (4..60).contains(&(i % SIDE))).map(|i| bowl[i]).collect();
-        // The second difference of a bowl is exact, but for rounding to f32, 1e-5 rad here.
+        // The second difference of a paraboloid is exact, except for rounding to f32, 1e-5 rad here.
         assert!(inner.iter().all(|[error, sigma]| *error < 1.05 * sigma + 1e-5), "{:?}", inner[65]);
         let (error, sigma) = (mean(&inner, 0), mean(&inner, 1));
         assert!(error > 2e-5 && sigma < 1.1 * error, "{error} {sigma}");

@@ -1,4 +1,4 @@
-//! A map against the truth, or against another map.
+//! Comparison of a map with the truth, or with another map.
 
 use crate::angle_difference;
 use serde::Serialize;
@@ -6,9 +6,10 @@ use serde::Serialize;
 /// Differences between two orientation maps after their best common offset, in degrees.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Comparison {
-    /// Pixels that both maps know.
+    /// Pixels with an orientation in both maps.
     pub pixels: usize,
-    /// Offset of the first against the second, the gauge of the method; removed from all that follows.
+    /// Common offset of the first map relative to the second, which the method does not determine; subtracted from all
+    /// other values.
     pub offset_deg: f64,
     /// Mean absolute difference.
     pub mean_deg: f64,
@@ -21,7 +22,7 @@ pub struct Comparison {
 }
 
 /// Compares orientations (rad, NaN where unknown) over the pixels for which `counts` holds; `sigma` (rad) belongs to
-/// `measured`. None when no pixel is known to both. The offset is the mean of the doubled differences on the circle.
+/// `measured`. `None` if no pixel has both. The offset is the circular mean of the doubled differences.
 pub fn compare(measured: &[f32], sigma: &[f32], truth: &[f32], counts: impl Fn(usize) -> bool) -> Option<Comparison> {
     let known = |i: &usize| measured[*i].is_finite() && truth[*i].is_finite() && counts(*i);
     let difference = |i: usize| f64::from(measured[i]) - f64::from(truth[i]);

@@ -4,16 +4,16 @@ use crate::report::json::Pixels;
 use crate::{OrientationMaps, StokesMaps};
 use rayon::prelude::*;
 
-/// Pixels that are counted in one go.
+/// Pixels per block.
 const BLOCK: usize = 1 << 20;
 
-/// What one block adds.
+/// Counts of one block.
 #[derive(Clone, Default)]
 struct Count {
     valid: usize,
     saturated: usize,
     correlation: f64,
-    /// How many valid pixels have a σ with these upper 16 bits.
+    /// Histogram of σ over valid pixels, by its upper 16 bits.
     coarse: Vec<u32>,
 }
 
@@ -33,7 +33,7 @@ fn add(sum: &mut Vec<u32>, other: &[u32]) {
 }
 
 impl Pixels {
-    /// Of a map.
+    /// Counts of a map.
     pub(crate) fn count(maps: &StokesMaps, map: &OrientationMaps, without_grating: usize) -> Self {
         let pairs = map.orientation.par_chunks(BLOCK).zip(map.sigma.par_chunks(BLOCK));
         let counted = pairs.clone().zip(maps.correlation.par_chunks(BLOCK)).map(|((theta, sigma), correlation)| {
@@ -51,7 +51,7 @@ impl Pixels {
         let counted: Vec<Count> = counted.collect();
         let Count { valid, saturated, correlation, coarse } =
             counted.iter().fold(Count::default(), |all, block| all.plus(block));
-        // Positive numbers are sorted as their bits are: the quantile's upper half first, then its lower one.
+        // Positive floats sort as their bits do: the upper half of the quantile is found first, then the lower one.
         let quantile = |q: f64| -> Option<f64> {
             let rank = (q * (valid.checked_sub(1)?) as f64) as usize;
             let (upper, rank) = place(&coarse, rank)?;
@@ -81,7 +81,7 @@ impl Pixels {
     }
 }
 
-/// The bin in which the `rank`-th number lies, and its rank there.
+/// The bin that contains the `rank`-th number, and its rank there.
 fn place(counts: &[u32], mut rank: usize) -> Option<(u32, usize)> {
     for (bin, count) in counts.iter().map(|c| *c as usize).enumerate() {
         if rank < count {
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
     use crate::synthetic::uniform;
 
-    /// Quantiles are those of the sorted numbers, over several blocks, with masked pixels left out.
+    /// Quantiles match those of sorted numbers, over several blocks, with masked pixels excluded.
     #[test]
     fn quantiles_are_those_of_sorted_numbers() {
         for pixels in [0, 1, 2, 1000, BLOCK + 12_345] {

@@ -1,9 +1,9 @@
-//! Writing beside other work.
+//! Writing in parallel with other work.
 
 use nacre_base::Result;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// A thread that prepares and writes files, and waits for the disk, so that no other one has to.
+/// A thread that prepares and writes files and waits for the disk, so that no other thread has to.
 pub(crate) struct Disk(Option<ThreadPool>);
 
 impl Disk {
@@ -11,7 +11,7 @@ impl Disk {
         Self(ThreadPoolBuilder::new().num_threads(1).thread_name(|_| "disk".into()).build().ok())
     }
 
-    /// Does both at once, `writing` on the thread; one after the other where the system has no thread to give.
+    /// Runs both tasks in parallel, `writing` on the thread; sequentially if the system provides no thread.
     pub(crate) fn beside<T>(
         &self,
         writing: impl FnOnce() -> Result<()> + Send,

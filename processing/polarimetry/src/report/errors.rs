@@ -1,4 +1,4 @@
-//! How wrong a typical orientation is, term by term: noise, and what is no noise.
+//! Expected error of a typical orientation, by terms: noise and systematic errors.
 
 use crate::angles::angle_error::{Misses, angle_sigma};
 use crate::angles::sample::{AREA, SIDE, Sample};
@@ -13,41 +13,41 @@ use nacre_frames::LoadedFrames;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Points that errors are carried through to orientations on.
+/// Number of points on which errors are propagated to orientations.
 const POINTS: usize = 2000;
 
-/// Expected error of a typical orientation after the best common offset, and what it is made of.
+/// Expected error of a typical orientation after the best common offset, and its terms.
 #[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct ErrorReport {
     /// Camera noise: the median σ.
     pub noise_deg: Option<f64>,
-    /// What the analyser misses its angles by, at random: root mean square over the orientations in view.
+    /// Random analyser-angle errors: root mean square over the orientations in view.
     pub angle_deg: Option<f64>,
-    /// Photographs that do not lie on each other: median over the pixels.
+    /// Misregistration of the photographs: median over the pixels.
     pub registration_deg: Option<f64>,
-    /// What is wrong with the model, or not known of it.
+    /// Error and uncertainty of the model.
     pub model_deg: Option<f64>,
-    /// All of these; terms that cannot be told count as none, but without noise or model there is no total.
+    /// Total of these terms. Unknown terms count as zero, but without noise or model there is no total.
     pub total_deg: Option<f64>,
-    /// Standard deviation of the analyser's angles behind `angle_deg`.
+    /// Standard deviation of the analyser angles behind `angle_deg`.
     pub angle_sigma_deg: Option<f64>,
-    /// Where that comes from.
+    /// Source of that standard deviation.
     pub angle_source: Option<AngleSource>,
 }
 
-/// How the analyser's accuracy is known.
+/// Source of the analyser's accuracy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AngleSource {
-    /// `frames.json` states it.
+    /// Stated in `frames.json`.
     Given,
-    /// From residuals that look like wrong angles; light that drifts does as well where few orientations are in view.
+    /// From residuals that look like angle errors; if few orientations are in view, drifting light looks the same.
     Residuals,
-    /// What is not known of angles that were put right by residuals.
+    /// Remaining uncertainty of angles that were corrected by the residuals.
     Corrected,
 }
 
-/// What is no noise, in degrees of orientation.
+/// Systematic errors in degrees of orientation.
 #[derive(Default)]
 pub(crate) struct Systematic {
     angle_deg: Option<f64>,
@@ -62,7 +62,7 @@ impl ErrorReport {
         Self { noise_deg, model_deg, ..Self::default() }.with(Systematic::default())
     }
 
-    /// With the terms that are no noise.
+    /// Adds the systematic terms.
     pub(crate) fn with(self, terms: Systematic) -> Self {
         let Systematic { angle_deg, registration_deg, angle_sigma_deg, angle_source } = terms;
         let known = self.noise_deg.zip(self.model_deg);
@@ -72,16 +72,16 @@ impl ErrorReport {
     }
 }
 
-/// A point of the sample, and how its orientation answers to intensities.
+/// A point of the sample, and the sensitivity of its orientation to intensities.
 pub(crate) struct Answer {
     pixel: usize,
     /// A, C and S.
     fitted: [f64; 3],
-    /// Change of the orientation in rad per change of each view's intensity.
+    /// Derivative of the orientation in rad with respect to each view's intensity.
     per_view: Vec<f64>,
 }
 
-/// Works out what is no noise, for orientations under the chosen model (the sinusoid without one).
+/// Computes systematic errors of orientations under the selected model (the sinusoid without one).
 pub(crate) fn systematic(
     sample: &Sample,
     views: &[View],
@@ -92,7 +92,7 @@ pub(crate) fn systematic(
 ) -> Systematic {
     let Some(SampleFit { design, maps }) = SampleFit::new(sample, views) else { return Systematic::default() };
     let answers = answers(&maps, &design, &noise[..design.frames().min(noise.len())], choice);
-    // Of more views than are kept, all count.
+    // If not all views were stored, the result is scaled to all of them.
     let share = (design.frames() as f64 / views.len().max(1) as f64).sqrt();
     let misses = of_angles(&answers, &design).map(|w| w * share);
     Systematic {
@@ -103,7 +103,7 @@ pub(crate) fn systematic(
     }
 }
 
-/// How well the analyser's angles are known.
+/// Accuracy of the analyser's angles.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Angles {
     /// Standard deviation in rad.
@@ -112,16 +112,16 @@ pub(crate) struct Angles {
 }
 
 impl Angles {
-    /// Of angles that were put right.
+    /// For corrected angles.
     pub(crate) fn corrected(misses: &Misses) -> Self {
         Self { sigma: Some(misses.left), source: Some(AngleSource::Corrected) }
     }
 
-    /// As `frames.json` states it, or as the sample's residuals tell.
+    /// As stated in `frames.json`, or from the sample's residuals.
     pub(crate) fn of(frames: &LoadedFrames, sample: &Sample, views: &[View]) -> Self {
         let (sigma, source) = match frames.set.angle_sigma_deg {
             Some(deg) => (Some(deg.to_radians()), AngleSource::Given),
-            // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
+            // The analysers of a sensor view neighbouring points, and edges would look like angle errors.
             None if views.iter().any(|v| v.block > 1) => (None, AngleSource::Residuals),
             None => {
                 let fit = SampleFit::new(sample, views);
@@ -132,7 +132,7 @@ impl Angles {
     }
 }
 
-/// Malus' law through all blocks of a sample.
+/// Fit of Malus' law to all blocks of a sample.
 struct SampleFit {
     design: Design,
     maps: StokesMaps,
@@ -171,7 +171,7 @@ pub(crate) fn answers(
     points.iter().filter(|p| p.snr >= f64::from(MASK_SNR)).filter_map(answer).collect()
 }
 
-/// Change of the orientation per change of (S1/S0, S2/S0).
+/// Derivative of the orientation with respect to (S1/S0, S2/S0).
 fn slope(model: Option<(&Candidate, &Path)>, point: &CloudPoint) -> Option<[f64; 2]> {
     let about = |[x, y]: [f64; 2]| {
         let square = x * x + y * y;
@@ -191,14 +191,14 @@ fn slope(model: Option<(&Candidate, &Path)>, point: &CloudPoint) -> Option<[f64;
                 angle_difference(theta(step), theta(-step)) / (2.0 * step)
             };
             let slope = [along(0), along(1)];
-            // Where the nearest place jumps to another branch there is none.
+            // Where the projection jumps to another branch there is no derivative.
             let across = slope[0].hypot(slope[1]) * model.size();
             (across < 10.0).then_some(slope)
         }
     }
 }
 
-/// Root mean square error of orientations after the best common offset when each angle is off by a standard deviation of 1 rad.
+/// Root mean square error of orientations after the best common offset, for independent angle errors of 1 rad.
 pub(crate) fn of_angles(answers: &[Answer], design: &Design) -> Option<f64> {
     let n = answers.len() as f64;
     let of_view = |(k, x): (usize, &nalgebra::Vector3<f64>)| {
@@ -212,23 +212,23 @@ pub(crate) fn of_angles(answers: &[Answer], design: &Design) -> Option<f64> {
     (!answers.is_empty()).then(|| design.rows.iter().enumerate().map(of_view).sum::<f64>().sqrt())
 }
 
-/// How photographs lie against each other now, and how well that is known.
+/// Relative shifts of the photographs, and their accuracy.
 pub(crate) struct Shifts {
-    /// In pixels of the maps; empty for none that are known.
+    /// Known shifts in pixels of the maps; empty if there are none.
     pub known: Vec<[f64; 2]>,
     pub sigma: f64,
 }
 
-/// By how much the pixels of a view lie beside the middle of their super-pixel, in pixels of the maps.
+/// Offset of a view's pixels from the centre of their super-pixel, in pixels of the maps.
 fn beside(view: &View) -> [f64; 2] {
     let mean = |axis: usize| view.pixels.iter().map(|p| p[axis] as f64 + 0.5).sum::<f64>() / view.pixels.len() as f64;
     [0, 1].map(|axis| 0.5 - mean(axis) / view.block as f64)
 }
 
-/// None when nothing is known. The views of a polarization sensor's blocks are known to lie beside each other.
+/// `None` if nothing is known. The offsets of the views of a polarization sensor's blocks are known.
 fn of_shifts(views: &[View], alignment: Option<&Alignment>) -> Option<Shifts> {
     if views.iter().any(|v| v.block > 1) {
-        // Interpolated images lie on each other.
+        // Interpolated images are registered.
         let known = if views.iter().any(|v| v.step > 1) { views.iter().map(beside).collect() } else { vec![] };
         return Some(Shifts { known, sigma: 0.0 });
     }
@@ -237,7 +237,7 @@ fn of_shifts(views: &[View], alignment: Option<&Alignment>) -> Option<Shifts> {
     Some(Shifts { known, sigma: (*sigma_px)? })
 }
 
-/// Median error in degrees of orientations where photographs lie so against each other.
+/// Median orientation error in degrees for these relative shifts of the photographs.
 pub(crate) fn of_registration(answers: &[Answer], maps: &StokesMaps, design: &Design, shifts: &Shifts) -> Option<f64> {
     let error = |answer: &Answer| {
         let slopes = gradient(maps, answer.pixel)?;
@@ -254,7 +254,7 @@ pub(crate) fn of_registration(answers: &[Answer], maps: &StokesMaps, design: &De
     median(&mut answers.iter().filter_map(error).collect::<Vec<_>>())
 }
 
-/// Change of A, C and S to the right and down, per pixel; none at the rim of a block.
+/// Gradient of A, C and S to the right and down, per pixel; `None` at the rim of a block.
 fn gradient(maps: &StokesMaps, i: usize) -> Option<[[f64; 3]; 2]> {
     let (x, y) = (i % SIDE, i % AREA / SIDE);
     let inner = |v: usize| v > 0 && v + 1 < SIDE;

@@ -1,4 +1,4 @@
-//! Errors that are no noise, against series in which they are known.
+//! Tests of systematic errors, against series with known errors.
 
 use crate::angles::angle_error::{angle_sigma, misses as found};
 use crate::angles::sample::{AREA, Sample};
@@ -12,7 +12,7 @@ use nacre_frames::load;
 use nacre_image::read_exr;
 use std::f64::consts::PI;
 
-/// The requirement's: terms are right to this factor.
+/// Required accuracy of the terms, as a factor.
 const FACTOR: f64 = 1.5;
 
 fn series(missed: Vec<f64>) -> Series {
@@ -20,7 +20,7 @@ fn series(missed: Vec<f64>) -> Series {
     Series { angles, missed, louder: 0.0, step: 1.0 / 60_000.0, ..Series::default() }
 }
 
-/// Angles that are off by 0.5° at random, in degrees, and their scatter about their mean.
+/// Random angle errors of 0.5°, in degrees, and their scatter about their mean.
 fn misses(views: u64, seed: u64) -> (Vec<f64>, f64) {
     let missed: Vec<f64> = (0..views).map(|k| 0.5 * normal(seed, k)).collect();
     let mean = missed.iter().sum::<f64>() / views as f64;
@@ -28,8 +28,9 @@ fn misses(views: u64, seed: u64) -> (Vec<f64>, f64) {
     (missed, (square / (views - 1) as f64).sqrt())
 }
 
-/// Angles that are off by 0.5° are found to be so, and what they cost is what they cost on average. A single series' cost is that of
-/// two of the eleven numbers that tell the scatter, so that only the average over series is known to better than a factor of two.
+/// Angle errors of 0.5° are detected, and their predicted effect matches the actual one on average. The effect in a
+/// single series depends on two of the eleven numbers that determine the scatter. Only the average over series is
+/// therefore known to better than a factor of two.
 #[test]
 fn wrong_angles_are_found_and_carried_through() {
     const SEEDS: u64 = 24;
@@ -38,7 +39,7 @@ fn wrong_angles_are_found_and_carried_through() {
     let kept: Vec<(usize, f64)> = angles.iter().copied().enumerate().collect();
     let design = Design::new(&angles).unwrap();
     let noise = [FrameNoise { shot: 0.0, floor: 1e-10 }; 12];
-    // All orientations, several times over.
+    // All orientations, several times.
     let aolp = |x: usize, y: usize| 0.11 * x as f64 + 0.07 * y as f64;
     let (mut actual, mut said) = (0.0, 0.0);
     for seed in 0..SEEDS {
@@ -52,7 +53,7 @@ fn wrong_angles_are_found_and_carried_through() {
         }
         let blocks: Vec<usize> = (0..sample.view(0).len() / AREA).collect();
         let maps = sample.solve(&blocks, &kept, &design);
-        // Without noise all but the common turn is known; what is neglected is of second order, 1 % of it.
+        // Without noise all errors but the common rotation are determined; neglected terms are of second order, 1 %.
         let sigma = angle_sigma(&sample.all(), &design, &maps).unwrap();
         assert!((sigma.to_degrees() / scatter - 1.0).abs() < 0.02, "{} {scatter}", sigma.to_degrees());
         said += (sigma * of_angles(&answers(&maps, &design, &noise, None), &design).unwrap()).to_degrees().powi(2);
@@ -69,8 +70,9 @@ fn wrong_angles_are_found_and_carried_through() {
     assert!((1.0 / FACTOR..FACTOR).contains(&ratio), "said {said} actual {actual}");
 }
 
-/// The same from files, with more photographs than are registered: each angle is found but for a common turn, and put right. Codes that
-/// round, and noise in the second series, tell an angle to what is said to be left of it. Who says that angles are right is believed.
+/// The same from files, with more photographs than are registered: every angle error is determined except for a common
+/// rotation, and corrected. With rounded codes, and noise in the second series, the errors match their remaining
+/// standard deviation. A stated accuracy of 0 is accepted without a correction.
 #[test]
 fn wrong_angles_are_found_in_photographs_and_put_right() {
     let (missed, _) = misses(30, 3);
@@ -78,8 +80,8 @@ fn wrong_angles_are_found_in_photographs_and_put_right() {
     let angles: Vec<f64> = (0..30).map(|k| 6.0 * f64::from(k)).collect();
     let series =
         |louder, angle_sigma_deg| Series { angles: angles.clone(), louder, angle_sigma_deg, ..series(missed.clone()) };
-    // 25,000 pixels of 1.5 % noise and 40 % modulation tell an angle to 0.01°, and 29 numbers how large their errors are to an eighth; half as many
-    // orientations are in view as there are.
+    // 25,000 pixels with 1.5 % noise and 40 % modulation determine an angle to 0.01°; half of all orientations are in
+    // view. The 29 numbers determine their standard deviation to an eighth.
     for (louder, most) in [(0.0, 0.002), (1.0, 0.03)] {
         let report = series(louder, None).reconstructed(tempfile::tempdir().unwrap().path(), None);
         assert_eq!((report.error.angle_source, report.error.registration_deg), (Some(AngleSource::Corrected), None));
@@ -93,8 +95,8 @@ fn wrong_angles_are_found_in_photographs_and_put_right() {
     assert_eq!((believed.analyser_errors_deg, believed.error.angle_source), (None, Some(AngleSource::Given)));
 }
 
-/// A looked-at pixel has the fit of the maps also where photographs were moved back and angles put right; photographs that the results are not of are
-/// told from those.
+/// A probed pixel has the fit of the maps also after registration and angle correction; corrections of other
+/// photographs are detected.
 #[test]
 fn a_probe_shows_photographs_as_they_were_put_right() {
     let folder = tempfile::tempdir().unwrap();
@@ -110,7 +112,7 @@ fn a_probe_shows_photographs_as_they_were_put_right() {
         let probe = probe(&set, [x, y], &right).unwrap();
         for (name, found) in [("S0", probe.s0), ("S1", probe.s1), ("S2", probe.s2)] {
             let of_map = f64::from(maps.channels[name][y * maps.width + x]);
-            // Maps are in single precision, and sum up a dozen photographs in it.
+            // Maps are in single precision, as are the sums over a dozen photographs.
             assert!((found - of_map).abs() < 1e-5 * probe.s0, "{name} at {x}, {y}: {found} {of_map}");
         }
     }
@@ -118,7 +120,8 @@ fn a_probe_shows_photographs_as_they_were_put_right() {
     assert!(probe(&set, [41, 3], &right).unwrap_err().to_string().contains("reconstruct again"));
 }
 
-/// Views of all orientations, or of few, at angles that are missed by so much (in degrees) and in light that drifts by these factors.
+/// Views of all orientations, or of few, with analyser-angle errors `missed` (degrees) and light that drifts by these
+/// factors.
 fn views(angles: &[f64], missed: &[f64], light: impl Fn(usize) -> f64, spread: f64) -> Vec<Vec<f32>> {
     let view = |(k, (psi, missed)): (usize, (&f64, &f64))| {
         let phase = |i: usize| 2.0 * (psi + missed.to_radians() - spread * 0.618_034 * i as f64);
@@ -127,8 +130,9 @@ fn views(angles: &[f64], missed: &[f64], light: impl Fn(usize) -> f64, spread: f
     angles.iter().zip(missed).enumerate().map(view).collect()
 }
 
-/// Angles are found to what single precision leaves in steady light, also where they are off by 5°, and to what is said to be left where it
-/// drifts; where one orientation is in view, or four angles are, light and angles look alike and are left.
+/// Angle errors are found to single precision in steady light, also errors of 5°, and to the predicted standard
+/// deviation in drifting light. With one orientation in view, or four angles, light and angles cannot be distinguished,
+/// and no correction is applied.
 #[test]
 fn angles_are_found_beside_light_that_drifts() {
     let of = |n: usize, factor: f64, drift: f64, spread: f64| {
@@ -151,15 +155,15 @@ fn angles_are_found_beside_light_that_drifts() {
     for (n, factor, drift) in [(12, 1.0, 0.0), (12, 10.0, 0.0), (12, 1.0, 0.02), (12, 10.0, 0.02), (6, 1.0, 0.02)] {
         let (off, left) = of(n, factor, drift, 1.0).unwrap();
         println!("{n} angles, {factor} times as wrong, light {drift}: {off:.5}° off, {left:.5}° left");
-        // Single precision tells angles to 0.0001°; of light that drifts there are two numbers of chance. What is left is no more than half of 0.5°, or
-        // nothing is put right.
+        // Single precision limits angles to 0.0001°; a drift has two random numbers. Either the remaining standard
+        // deviation is at most half of 0.5°, or no correction is applied.
         let most = if drift == 0.0 { 0.001 } else { 2.5 * left };
         assert!(off < most && left < 0.25, "{n} {factor} {drift}: {off} {left}");
     }
     assert!(of(12, 1.0, 0.0, 0.0).is_none() && of(4, 1.0, 0.0, 1.0).is_none() && of(12, 0.0, 0.02, 1.0).is_none());
 }
 
-/// For even angles and orientations all around, σ/√(2N); and noise alone is not taken for wrong angles.
+/// For equidistant angles and orientations over the full range, σ/√(2N); noise alone is not mistaken for angle errors.
 #[test]
 fn the_cost_of_angles_is_the_closed_form() {
     let told = Series { angle_sigma_deg: Some(0.5), ..series(vec![]) };
@@ -169,7 +173,7 @@ fn the_cost_of_angles_is_the_closed_form() {
     assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
     let noisy = Series { louder: 1.0, ..series(vec![]) };
     let error = noisy.reconstructed(tempfile::tempdir().unwrap().path(), None).error;
-    // 25,000 pixels of 1.5 % noise and 40 % modulation tell an angle to 0.01°.
+    // 25,000 pixels with 1.5 % noise and 40 % modulation determine an angle to 0.01°.
     assert!(
         error.angle_sigma_deg.unwrap() < 0.03 && error.angle_deg.unwrap() < 0.1 * error.noise_deg.unwrap(),
         "{error:?}"
@@ -179,12 +183,12 @@ fn the_cost_of_angles_is_the_closed_form() {
     assert_eq!((error.angle_deg, error.angle_sigma_deg, error.angle_source), (None, None, None));
 }
 
-/// Light and the angle of its polarization, of texture a few pixels wide.
+/// Intensity and polarization angle of a texture with details of a few pixels.
 fn texture(x: f64, y: f64) -> (f64, f64) {
     (1.0 + 0.4 * (0.5 * x).sin() * (0.4 * y).cos(), 0.7 + 0.6 * (0.3 * x + 0.35 * y).sin())
 }
 
-/// Orientations of the texture with photographs that lie so against each other.
+/// Orientations of the texture for photographs with these relative shifts.
 fn shifted(shifts: &[[f64; 2]], angles: &[f64]) -> Sample {
     const SIDE: usize = 96;
     let mut sample = Sample::new(SIDE, SIDE);
@@ -199,7 +203,8 @@ fn shifted(shifts: &[[f64; 2]], angles: &[f64]) -> Sample {
     sample
 }
 
-/// Photographs that lie 0.2 px against each other cost what the term says, where shifts are known and where only their σ is.
+/// The predicted error for relative shifts of 0.2 px matches the actual one, for known shifts and for a known σ of
+/// them.
 #[test]
 fn misregistration_is_carried_through() {
     let angles: Vec<f64> = (0..6).map(|k| PI * f64::from(k) / 6.0).collect();

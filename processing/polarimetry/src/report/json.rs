@@ -1,4 +1,4 @@
-//! `report.json`: what was done, why, and how good the result is.
+//! `report.json`: processing steps, reasons, and quality of the result.
 
 use crate::film::choose::Choice;
 use crate::film::classes::{Class, Classes};
@@ -14,7 +14,7 @@ use nacre_image::Palette;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Result of a polarization reconstruction, in words and numbers.
+/// Result of a polarization reconstruction, as text and numbers.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "PolarizationReport")]
 pub struct Report {
@@ -22,72 +22,73 @@ pub struct Report {
     pub method: &'static str,
     /// The model used.
     pub model: String,
-    /// Why this model.
+    /// Reason for the model.
     pub model_reason: String,
-    /// What the reader must know before trusting the map. Empty when there is nothing.
+    /// Warnings about the map; empty if there are none.
     pub warnings: Vec<String>,
-    /// Pixels of the map.
+    /// Width of the map in pixels.
     pub width: usize,
-    /// Rows of the map.
+    /// Height of the map in pixels.
     pub height: usize,
-    /// How maps were made of frames of a polarization sensor; none for other photographs.
+    /// Origin of the maps in frames of a polarization sensor; `None` for other photographs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensor: Option<SensorReport>,
-    /// Pixels counted, and their quality.
+    /// Pixel counts and quality.
     pub pixels: Pixels,
     /// The noise model behind σ.
     pub noise: NoiseReport,
-    /// Expected error of a typical orientation, all terms below together. None when the model's could not be told, or more is
-    /// wrong than can be put in degrees.
+    /// Expected error of a typical orientation: the total of the terms below. `None` if the model's error is unknown,
+    /// or for errors that cannot be expressed in degrees.
     pub error_estimate_deg: Option<f64>,
-    /// What that error is made of.
+    /// Terms of that error.
     pub error: ErrorReport,
-    /// All models that were fitted, simplest first; empty when too few pixels carry modulation.
+    /// All fitted models, simplest first; empty if too few pixels have modulation.
     pub models: Vec<ModelReport>,
-    /// Classes of pixels that differ by their degree of polarization, as of gratings of several periods or depths; empty for one.
+    /// Classes of pixels that differ in their degree of polarization, as for gratings of several periods or depths;
+    /// empty for a single class.
     pub classes: Vec<Class>,
-    /// Does the sinusoid explain the data?
+    /// Test of the sinusoid model.
     pub circle: Option<CircleCheck>,
-    /// Analyser positions at which several exposures were merged.
+    /// Number of analyser positions with merged exposures.
     pub brackets: usize,
-    /// How the photographs lie against each other, one entry for each analyser position; none for a sensor that takes all
-    /// angles at once and for more than 24.
+    /// Relative shifts of the photographs, one entry for each analyser position; `None` for a sensor that takes all
+    /// angles at once, and for more than 24 positions.
     pub registration: Option<Alignment>,
-    /// What views at angles 180° apart, or at the same one, tell; none where fewer than three angles are repeated.
+    /// Results from views at equal angles or angles 180° apart; `None` if fewer than three angles are repeated.
     pub repeats: Option<RepeatsReport>,
-    /// How orientations were smoothed, in pictures or also in the map.
+    /// Smoothing of orientations, in pictures or also in the map.
     pub smoothing: SmoothingReport,
-    /// The map of periods, if one was asked for.
+    /// Report of the period map, if requested.
     pub period: Option<PeriodReport>,
-    /// What was done about oblique incidence; none where photographs do not say where the camera stood.
+    /// Correction of oblique incidence; `None` if the camera geometry is unknown.
     pub oblique: Option<ObliqueReport>,
-    /// Colours of angles in pictures.
+    /// Colour map of angles in pictures.
     pub palette: Palette,
-    /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
+    /// Offset added to all orientations in degrees. The method determines orientations only up to a common offset.
     pub offset_deg: f64,
-    /// By how much the analyser stood beside each of its positions, in degrees, their mean taken as 0: found by residuals and put right.
-    /// None where that is not worth it or cannot be told.
+    /// Analyser-angle error of each position in degrees, with zero mean: estimated from residuals and corrected. `None`
+    /// if a correction is not worthwhile or the errors are unobservable.
     pub analyser_errors_deg: Option<Vec<f64>>,
-    /// Analyser angles in the order of the frames, as they are said to be.
+    /// Stated analyser angles in the order of the frames.
     pub analyser_deg: Vec<f64>,
-    /// Condition number of the angle set, √2 at best.
+    /// Condition number of the angle set; √2 is optimal.
     pub condition: f64,
     /// Files used, in order.
     pub frames: Vec<String>,
-    /// Wall time per stage.
+    /// Wall time per stage in s.
     pub seconds: Seconds,
 }
 
-/// How maps were made of frames of a polarization sensor.
+/// Origin of the maps in frames of a polarization sensor.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SensorReport {
     /// Pixels along the side of the sensor's super-pixel: 2, or 4 with colour filters.
     pub superpixel_px: usize,
-    /// Pixels of the sensor along the side of a pixel of the maps: those of a super-pixel, or 1 where images were interpolated.
+    /// Sensor pixels along the side of a map pixel: that of a super-pixel, or 1 for interpolated images.
     pub map_pixel_px: usize,
-    /// Colour whose pixels were used, of colour sensors; several in a super-pixel were averaged.
+    /// Colour channel used, for colour sensors; several pixels of it in a super-pixel were averaged.
     pub channel: Option<Channel>,
-    /// How images behind each polarizer were interpolated.
+    /// Interpolation of the images behind each polarizer.
     pub demosaic: Demosaic,
 }
 
@@ -99,18 +100,18 @@ impl SensorReport {
     }
 }
 
-/// How many pixels carry an orientation and how well.
+/// Number and quality of pixels with an orientation.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Pixels {
     /// All pixels of the map.
     pub all: usize,
     /// Pixels with an orientation.
     pub valid: usize,
-    /// Masked: saturated or not a number in at least one photograph.
+    /// Masked: saturated or not finite in at least one photograph.
     pub saturated: usize,
-    /// Masked: metal without a grating, which the model knows.
+    /// Masked: metal without a grating, as identified by the model.
     pub without_grating: usize,
-    /// Masked: the modulation is lost in the noise.
+    /// Masked: modulation below the noise limit.
     pub too_little_modulation: usize,
     /// Median σ of the orientation over valid pixels.
     pub sigma_median_deg: Option<f64>,
@@ -120,18 +121,18 @@ pub struct Pixels {
     pub correlation_mean: Option<f64>,
 }
 
-/// How orientations were smoothed.
+/// Smoothing of orientations.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SmoothingReport {
-    /// `none`, `light`, `strong` or a number of rounds.
+    /// `none`, `light`, `strong` or a number of iterations.
     pub strength: Smoothing,
-    /// How often the filter was applied.
+    /// Number of filter iterations.
     pub rounds: u32,
-    /// Standard deviation of one round's weight over distance, in pixels.
+    /// Standard deviation of the spatial weight of one iteration, in pixels.
     pub space_sigma_px: f32,
-    /// `orientation.exr` is smoothed as well, with its σ, so that all numbers here are those of the smoothed map.
+    /// Whether `orientation.exr` and its σ are smoothed as well; all numbers here are then those of the smoothed map.
     pub map: bool,
-    /// `smoothed.exr` was written.
+    /// Whether `smoothed.exr` was written.
     pub exr: bool,
 }
 
@@ -139,7 +140,7 @@ pub struct SmoothingReport {
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "PolarizationNoiseReport")]
 pub struct NoiseReport {
-    /// Where it comes from.
+    /// Source of the noise model.
     pub source: NoiseSource,
     /// Variance per unit of intensity.
     pub shot: f64,
@@ -151,13 +152,14 @@ pub struct NoiseReport {
 #[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 #[schemars(rename = "PolarizationSeconds")]
 pub struct Seconds {
-    /// Decoding the photographs and folding them into the fit, once again where they are moved back or angles are put right.
+    /// Decoding the photographs and adding them to the fit, including a second pass for registration or angle
+    /// correction.
     pub read_and_fit: f64,
     /// Solving, noise, orientation, checks.
     pub solve: f64,
     /// Writing maps and pictures.
     pub write: f64,
-    /// Everything.
+    /// Total.
     pub total: f64,
 }
 
@@ -177,7 +179,7 @@ impl Report {
         let chosen = choice.map(|c| &c.candidates[c.chosen]);
         let plain = asked == Model::Plain;
         let model = chosen.map_or(if plain { Model::Plain } else { Model::Sinusoid }, |c| c.model);
-        // What is wrong with the sinusoid does not matter to who has a better model.
+        // The test of the sinusoid is irrelevant if another model is used.
         let checked = circle.iter().filter(|_| model == Model::Sinusoid && solved.classes.is_none());
         let mut warnings: Vec<String> = checked.flat_map(CircleCheck::warnings).collect();
         warnings.extend(solved.classes.iter().map(Classes::warning));
@@ -195,7 +197,7 @@ impl Report {
         if source == NoiseSource::Assumed {
             warnings.push("three angles leave no residual and no noise is given, so σ assumes a modest camera".into());
         }
-        // Of plain polarimetry there is no model that could be wrong.
+        // Plain polarimetry has no model error.
         let of_model = if plain { Some(0.0) } else { error_of_model(solved) };
         let error = ErrorReport::new(pixels.sigma_median_deg, of_model);
         let reason = || match (plain, options.model) {
@@ -243,19 +245,20 @@ impl Report {
         }
     }
 
-    /// With errors that are no noise.
+    /// Adds systematic errors.
     pub(crate) fn with(&mut self, terms: Systematic) {
         self.error = std::mem::take(&mut self.error).with(terms);
         self.error_estimate_deg = self.error.total_deg;
     }
 
-    /// Wall time in seconds: of reading and fitting, and from then on until all was solved and written.
+    /// Sets wall times in seconds: of reading and fitting, until the solution, and until everything was written.
     pub(crate) fn took(&mut self, read_and_fit: f64, solve: f64, written: f64) {
         self.seconds = Seconds { read_and_fit, solve, write: written - solve, total: read_and_fit + written };
     }
 }
 
-/// Why plain polarimetry is the default under this light, and the offer of a model of gratings where the points look like one.
+/// Reason for plain polarimetry as the default under this light, with a suggestion of grating models if the points look
+/// like a grating.
 fn default_reason(light: Illumination, grating_like: bool) -> &'static str {
     match (light, grating_like) {
         (Illumination::LinearPanel, _) => {
@@ -272,14 +275,14 @@ fn default_reason(light: Illumination, grating_like: bool) -> &'static str {
     }
 }
 
-/// Error in degrees that the model may cause; none when that cannot be told.
+/// Error in degrees that the model may cause; `None` if unknown.
 fn error_of_model(solved: &Solved) -> Option<f64> {
     let choice = solved.choice.as_ref()?;
     if let Some(classes) = &solved.classes {
         return Some(choice.error?.to_degrees().hypot(classes.offset_deg()));
     }
     match (choice.candidates[choice.chosen].model, solved.circle) {
-        // With oblique incidence taken out there is no check on the raw points.
+        // After a correction of oblique incidence there is no test on the raw points.
         (Model::Sinusoid, Some(circle)) => {
             let left = solved.oblique.as_ref().map_or(0.0, |o| o.left_deg);
             Some(circle.bias_deg.filter(|_| circle.bias_is_known())?.hypot(left))

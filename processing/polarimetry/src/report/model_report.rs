@@ -1,4 +1,4 @@
-//! What the choice among models says to a user: the report of all candidates, and warnings.
+//! Report of the model selection: all candidates, and warnings.
 
 use crate::film::choose::{Choice, UNDECIDED, UNDECIDED_SIGMA, UNEXPLAINED};
 use crate::film::curve::Film;
@@ -9,18 +9,18 @@ use serde::Serialize;
 /// A candidate in the report.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ModelReport {
-    /// Its name; the curve with what was fitted beyond the film.
+    /// Name; for curves with the parameters fitted beyond the film.
     pub model: String,
-    /// How many parameters it has.
+    /// Number of parameters.
     pub parameters: usize,
-    /// -2 ln likelihood with the parameters paid for, less that of the best: 0 is the likeliest, 10 is 150 times less
-    /// likely.
+    /// Penalised −2 ln likelihood relative to the best model: 0 for the best, 10 for one that is 150 times less likely.
     pub behind: f64,
-    /// Scatter of the points about it over their noise, as a ratio of standard deviations; 1 is a perfect model.
+    /// Scatter of the points about the curve relative to their noise, as a ratio of standard deviations; 1 for a
+    /// perfect model.
     pub scatter: f64,
-    /// Difference of its orientations from those of the model used in degrees, which 68 % of the points stay under.
+    /// 68 % quantile of the orientation differences from the selected model, in degrees.
     pub difference_deg: f64,
-    /// Error that the uncertainty of its parameters causes, in degrees.
+    /// Error caused by the uncertainty of its parameters, in degrees.
     pub uncertain_deg: f64,
     /// Centre of the circle.
     pub center: Option<[f64; 2]>,
@@ -28,8 +28,8 @@ pub struct ModelReport {
     pub film: Option<FilmReport>,
 }
 
-/// A fitted film. Gauges: one offset common to all orientations, and (r, ζ) against (1/r, -ζ) with all orientations turned
-/// by 90°, cannot be told apart.
+/// A fitted film. Two ambiguities remain: one offset common to all orientations, and (r, ζ) versus (1/r, -ζ) with all
+/// orientations rotated by 90°.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct FilmReport {
     /// |R|.
@@ -44,9 +44,9 @@ pub struct FilmReport {
     pub front: f64,
     /// Front reflection: phase in degrees.
     pub front_phase_deg: f64,
-    /// What the retarder delays beyond a quarter wave, in degrees.
+    /// Retardance error of the retarder, relative to a quarter wave, in degrees.
     pub source_error_deg: f64,
-    /// Share of the light that has no polarization.
+    /// Share of unpolarised light.
     pub stray: f64,
 }
 
@@ -56,12 +56,12 @@ impl Choice {
         self.candidates.iter().filter_map(|c| c.film).collect()
     }
 
-    /// Scatter of the points about the curve over their noise, as a ratio of standard deviations.
+    /// Scatter of the points about the curve relative to their noise, as a ratio of standard deviations.
     pub fn scatter(&self) -> f64 {
         self.widened.sqrt()
     }
 
-    /// What belongs in front of a user.
+    /// Warnings for the user.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = vec![];
         let scatter = self.scatter();
@@ -100,7 +100,7 @@ impl Choice {
             ));
         }
         let chosen = &self.candidates[self.chosen];
-        // One of the two is the one that is taken for right.
+        // One of the two is the model assumed to be true.
         let chance = self.chance[self.best()].max(self.chance[self.chosen]);
         if self.behind[self.chosen] > UNDECIDED.max(UNDECIDED_SIGMA * chance) && self.error.is_some() {
             warnings.push(format!(

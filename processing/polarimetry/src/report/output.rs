@@ -14,10 +14,10 @@ use nacre_base::vectors::vectorised;
 use nacre_frames::LoadedFrames;
 use nacre_image::{Attribute, OutputFolder, orientation_rows, scalar_picture, scalar_rows, write_exr};
 
-/// Most pixels along a side of a picture.
+/// Maximum number of pixels along a side of a picture.
 const WIDEST: usize = 2048;
 
-/// Writes into a result folder.
+/// Writes files of a result folder.
 pub(crate) struct Writer<'a> {
     pub folder: &'a OutputFolder,
     pub frames: &'a LoadedFrames,
@@ -27,7 +27,7 @@ pub(crate) struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// Writes what depends on the maps alone: `stokes.exr` and, beside orientations, `aolp.exr`.
+    /// Writes the files that depend on the maps alone: `stokes.exr` and, beside orientations, `aolp.exr`.
     pub fn light(&self, maps: &StokesMaps) -> Result<()> {
         let (width, size) = (maps.width, [maps.width, maps.height]);
         let units = self.attributes(width, "linear value / (exposure s * gain)");
@@ -44,9 +44,9 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// Writes `orientation.exr` (of plain polarimetry `aolp.exr`), `smoothed.exr` where it was asked for, and the pictures.
+    /// Writes `orientation.exr` (`aolp.exr` for plain polarimetry), `smoothed.exr` if requested, and the pictures.
     ///
-    /// Pictures are compressed while maps, which are not, are written and synced by `disk`.
+    /// Pictures are compressed while `disk` writes and syncs the maps, which are not compressed.
     pub fn maps(
         &self,
         maps: StokesMaps,
@@ -62,7 +62,7 @@ impl Writer<'_> {
             self.picture(map)
         });
         numbers.and(pictures)?;
-        // Smoothing a whole map takes memory.
+        // Smoothing a whole map takes memory, so the maps are freed.
         drop(maps);
         if self.options.smoothed_exr { self.smoothed(map) } else { Ok(()) }
     }
@@ -89,13 +89,13 @@ impl Writer<'_> {
         self.progress.check()
     }
 
-    /// Size on the sample of a pixel of maps of `width` columns, in µm.
+    /// Size on the sample in µm of a pixel of maps of `width` columns.
     fn pixel_um(&self, width: usize) -> Option<f64> {
         let block = self.frames.info.width / width;
         self.frames.set.geometry?.pixel_um.map(|um| um * block as f64)
     }
 
-    /// The same of pictures that show every `step`-th pixel; `None` for no scale bar.
+    /// Size on the sample of a pixel of pictures that show every `step`-th pixel; `None` for no scale bar.
     fn bar_um(&self, width: usize, step: usize) -> Option<f64> {
         self.pixel_um(width).filter(|_| !self.options.no_scale_bar).map(|um| um * step as f64)
     }
@@ -119,7 +119,7 @@ impl Writer<'_> {
         fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
     ) -> Result<()> {
         write_exr(&self.folder.path(name), width, height, channels, attributes, fill)?;
-        // The disk has the time now that others are computing, rather than in the end.
+        // The disk is idle while other threads compute, so the file is synced now.
         self.folder.sync(name)?;
         self.progress.check()
     }
@@ -162,7 +162,7 @@ impl Writer<'_> {
     }
 
     fn scalars(&self, maps: &StokesMaps, map: &OrientationMaps) -> Result<()> {
-        // On a scale that the bulk of the pixels fills.
+        // Scaled to the range of most pixels.
         self.scalar("sigma.png", "σ (°)", "Uncertainty", f32::INFINITY, maps, &|first, step, row| {
             let pixels = map.orientation[first..].iter().zip(&map.sigma[first..]).step_by(step);
             for (out, (theta, sigma)) in row.iter_mut().zip(pixels) {
@@ -173,7 +173,7 @@ impl Writer<'_> {
         self.scalar("dolp.png", "DoLP", title, 1.0, maps, &|first, step, row| dolp(maps, first, step, row))
     }
 
-    /// A picture that the eye takes in at once: of large maps every second pixel, or third, ... is shown.
+    /// Writes a picture of limited size: of large maps only every second pixel, or third, ... is shown.
     /// `fill(first, step, values)` writes those of every `step`-th pixel from `first` on.
     fn scalar(
         &self,
@@ -197,10 +197,11 @@ impl Writer<'_> {
         self.progress.check()
     }
 
-    /// `orientation.png`, smoothed unless the map is already or nobody wants it; of plain polarimetry `aolp.png`, as measured.
+    /// Writes `orientation.png`, smoothed unless the map already is or smoothing is off; for plain polarimetry
+    /// `aolp.png`, unsmoothed.
     ///
-    /// Smoothing reaches as far on the sample as that of the map does: a pixel of the picture is `step` of the map, and the filter spreads with
-    /// the root of its rounds.
+    /// The smoothing has the same reach on the sample as that of the map. A pixel of the picture represents `step`
+    /// pixels of the map, and the reach of the filter grows with the square root of its iterations.
     fn picture(&self, map: &OrientationMaps) -> Result<()> {
         let step = map.width.max(map.height).div_ceil(WIDEST);
         let small = reduced(map, step);
@@ -225,7 +226,7 @@ impl Writer<'_> {
         self.progress.check()
     }
 
-    /// `smoothed.exr`: the orientations of all pixels, smoothed.
+    /// Writes `smoothed.exr`: the smoothed orientations of all pixels.
     fn smoothed(&self, map: &OrientationMaps) -> Result<()> {
         let (size, smooth) = ([map.width, map.height], self.options.smooth);
         let smoothed = smoothed_orientation(map, smooth, self.progress)?;
@@ -235,7 +236,7 @@ impl Writer<'_> {
     }
 }
 
-/// A row of a plane.
+/// Copies a row of a plane.
 fn copy(plane: &[f32], y: usize, row: &mut [f32]) {
     let width = row.len();
     row.copy_from_slice(&plane[y * width..][..width]);
@@ -247,7 +248,7 @@ fn mask(plane: &[f32], y: usize, row: &mut [f32]) {
     row.iter_mut().zip(&plane[y * width..]).for_each(|(m, v)| *m = f32::from(u8::from(v.is_finite())));
 }
 
-/// The range that all but the outermost hundredths of the values fill, widened where it is none.
+/// Range from the 1st to the 99th percentile of the values, widened if it is empty.
 fn scale_of(plane: &[f32]) -> [f32; 2] {
     let mut known: Vec<f32> = plane.iter().copied().filter(|v| v.is_finite()).step_by(7).collect();
     known.sort_by(f32::total_cmp);

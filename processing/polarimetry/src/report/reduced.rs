@@ -4,10 +4,10 @@ use crate::OrientationMaps;
 use crate::orientation::orient::fold;
 use rayon::prelude::*;
 
-/// A map of which each pixel stands for a block of `step` × `step` pixels; None for a step of 1.
+/// A map in which each pixel represents a block of `step` × `step` pixels; `None` for a step of 1.
 ///
-/// Angles are averaged as (cos 2θ, sin 2θ) with weights 1/σ², and σ is that of the weighted mean. A pixel is masked where more than half of its
-/// block is.
+/// Angles are averaged as (cos 2θ, sin 2θ) with weights 1/σ², and σ is that of the weighted mean. A pixel is masked if
+/// more than half of its block is.
 pub(crate) fn reduced(map: &OrientationMaps, step: usize) -> Option<OrientationMaps> {
     if step <= 1 {
         return None;
@@ -27,13 +27,13 @@ pub(crate) fn reduced(map: &OrientationMaps, step: usize) -> Option<OrientationM
     Some(OrientationMaps { width, height, orientation, sigma })
 }
 
-/// Weighted mean and its σ of angles, each with its σ, in rad; NaN where more than half of them are.
+/// Weighted mean of angles and its σ, in rad; NaN if more than half of them are.
 fn mean(pixels: impl Iterator<Item = (f32, f32)>) -> (f32, f32) {
     let (mut all, mut known, mut cos, mut sin, mut weight) = (0, 0, 0.0, 0.0, 0.0);
     for (theta, sigma) in pixels {
         all += 1;
         if theta.is_finite() {
-            // Squares of smaller σ are no normal numbers.
+            // Squares of a smaller σ would be subnormal.
             let w = 1.0 / sigma.max(f32::MIN_POSITIVE.sqrt()).powi(2);
             let (s, c) = (2.0 * theta).sin_cos();
             (known, cos, sin, weight) = (known + 1, cos + w * c, sin + w * s, weight + w);
@@ -48,7 +48,8 @@ mod tests {
     use super::*;
     use std::f32::consts::PI;
 
-    /// Angles on both sides of 0° = 180° have a mean between them, a precise one counts more, and half of a block is enough.
+    /// Angles on both sides of 0° = 180° have a mean between them, a precise angle has a larger weight, and half of a
+    /// block suffices.
     #[test]
     fn blocks_become_their_weighted_means() {
         let deg = |v: f32| v.to_radians();

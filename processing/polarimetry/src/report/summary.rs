@@ -1,4 +1,4 @@
-//! A report in a few lines.
+//! Short summary of a report.
 
 use crate::{AngleSource, Demosaic, ErrorReport, Model, PeriodReport, Report, SensorReport};
 use nacre_base::operation::{Summary, lines};
@@ -72,7 +72,7 @@ impl Summary for Report {
     }
 }
 
-/// Number of sensor pixels behind each map pixel, in words.
+/// Number of sensor pixels behind each map pixel, as text.
 fn map_pixel(sensor: &SensorReport) -> String {
     let side = sensor.map_pixel_px;
     match (sensor.demosaic, sensor.channel) {
@@ -83,7 +83,7 @@ fn map_pixel(sensor: &SensorReport) -> String {
     }
 }
 
-/// What the error is made of.
+/// Terms of the error.
 fn terms(error: &ErrorReport) -> String {
     let term = |name: &str, deg: Option<f64>| deg.map_or(format!("{name} unknown"), |v| format!("{name} {v:.3}°"));
     let off = error.angle_sigma_deg.map_or(String::new(), |v| match error.angle_source {

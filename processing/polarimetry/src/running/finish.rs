@@ -1,5 +1,5 @@
-//! The end of a reconstruction as a pipeline: register, correct angles, solve intensities, estimate noise, solve orientations, tell periods,
-//! smooth, report, write.
+//! The final stages of a reconstruction: registration, angle correction, intensities, noise, orientations, periods,
+//! smoothing, report, output.
 
 use super::Running;
 use super::light::{Photographed, check_light, divide_by_flat, noise_of};
@@ -28,10 +28,10 @@ use nacre_image::OutputFolder;
 use std::time::Instant;
 
 impl Running {
-    /// Solves and writes maps and pictures into `folder`; the report is the caller's to write.
+    /// Solves and writes maps and pictures into `folder`; the caller writes the report.
     ///
     /// # Errors
-    /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`.
+    /// `Input` if photographs are missing or unusable; `Output` if writing fails; `Cancelled`.
     pub fn finish(mut self, folder: &OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
         let period = options.check(&self.frames)?;
         let model = options.model_for(&self.frames);
@@ -42,7 +42,7 @@ impl Running {
         let disk = Disk::new();
         progress.stage("solving and writing maps", 5);
         let mut solved = fitted.solve_orientations(&mut maps, &writer, &disk)?;
-        // From the pixels as measured: their σ is that of the polarization, too.
+        // Periods use the measured pixels, whose σ is also that of the polarization.
         let periods = period.map(|p| p.tell(&maps, &solved.map)).transpose()?;
         progress.check()?;
         if options.smooth_maps {
@@ -55,7 +55,7 @@ impl Running {
             report.warnings.extend(warnings);
             report.period = Some(said);
         }
-        // The report has these terms one by one.
+        // The report lists these terms separately.
         solved.tell_systematic(&maps, model, &fitted.seen());
         writer.maps(maps, &solved.map, (&fitted.design, &fitted.noise.0), &disk)?;
         report.took(fitted.read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
@@ -75,7 +75,7 @@ impl Running {
         Ok(Corrections { alignment, angle_errors })
     }
 
-    /// Stokes parameters of all pixels, and the noise of every view.
+    /// Solves the Stokes parameters of all pixels, and the noise of every view.
     fn solve_intensities(self, corrections: Corrections) -> Result<(Fitted, StokesMaps)> {
         let design = self.design()?;
         let Self { frames, linearizer, brackets, views, demosaic, sums, sample, read_and_fit_s, .. } = self;
@@ -113,18 +113,18 @@ impl Running {
     }
 }
 
-/// Registration of the photographs and errors of the analyser's angles.
+/// Registration of the photographs and analyser-angle errors.
 struct Corrections {
     alignment: Option<Alignment>,
     angle_errors: Option<AngleErrors>,
 }
 
-/// Shifts in pixels that were undone.
+/// Corrected shifts in pixels.
 fn shifts(alignment: Option<&Alignment>) -> Option<&[[f64; 2]]> {
     alignment.filter(|a| a.corrected).map(|a| a.shifts_px.as_slice())
 }
 
-/// A series whose intensities are solved.
+/// A series with solved intensities.
 struct Fitted {
     frames: LoadedFrames,
     linearizer: Linearizer,
@@ -133,7 +133,7 @@ struct Fitted {
     demosaic: Demosaic,
     sample: Sample,
     design: Design,
-    /// Of every view, and its source.
+    /// Noise of every view, and its source.
     noise: (Vec<FrameNoise>, NoiseSource),
     angles: Angles,
     alignment: Option<Alignment>,
@@ -142,7 +142,7 @@ struct Fitted {
 }
 
 impl Fitted {
-    /// Orientations of all pixels. Maps that no model changes are written meanwhile.
+    /// Solves the orientations of all pixels. Maps that do not depend on the model are written in parallel.
     fn solve_orientations(&self, maps: &mut StokesMaps, writer: &Writer, disk: &Disk) -> Result<Solved> {
         let asked = self.request(writer.options, writer.model);
         let residual = std::mem::take(&mut maps.residual);
@@ -157,7 +157,7 @@ impl Fitted {
         Ok(solved)
     }
 
-    /// The request to the solution: the options, with the camera position and the accuracy of the angles.
+    /// Options of the solution, with the camera position and the accuracy of the angles.
     fn request(&self, options: &Options, model: Model) -> Asked {
         let Self { frames, views, angles, .. } = self;
         let size = [frames.info.width, frames.info.height];
@@ -171,19 +171,20 @@ impl Fitted {
         }
     }
 
-    /// How much larger the variance of a mean over many pixels is than their own noise says, as resampled pixels share it.
+    /// Ratio of the variance of a mean over many pixels to that expected from their own noise, since resampled pixels
+    /// are correlated.
     fn shared_noise(&self) -> f64 {
         let size = [self.frames.info.width, self.frames.info.height];
         shifts(self.alignment.as_ref()).map_or(1.0, |shifts| correlated(shifts, size))
     }
 
-    /// How far the views of a pixel show different places.
+    /// Relative positions of the views of a pixel.
     fn seen(&self) -> Seen {
         let places = Places::of(&self.views, &self.design, self.demosaic);
         Seen { apart_px: self.alignment.as_ref().map_or(0.0, Alignment::left_px), places }
     }
 
-    /// The report, but for what took how long and for periods.
+    /// The report, except for times and periods.
     fn report(&self, options: (&Options, Model), maps: &StokesMaps, solved: &Solved) -> Report {
         let Self { frames, linearizer, brackets, views, sample, design, alignment, angle_errors, angles, .. } = self;
         let (noise, source) = &self.noise;

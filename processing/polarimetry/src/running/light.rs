@@ -1,4 +1,4 @@
-//! Between the fit and its solution: usable light, its noise, and uneven illumination.
+//! Steps between the fit and its solution: usable light, its noise, and uneven illumination.
 
 use crate::angles::aligned::smoothed_noise;
 use crate::angles::repeats::{calibrate, pairs};
@@ -12,7 +12,7 @@ use crate::{Design, FrameNoise, NoiseSource, StokesMaps, estimate_noise};
 use nacre_base::{Error, Result};
 use nacre_frames::{Linearizer, LoadedFrames};
 
-/// Refuses sets in which no pixel can be used at all.
+/// Refuses sets without any usable pixel.
 pub(super) fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: &Linearizer) -> Result<()> {
     let usable = maps.s0.iter().filter(|v| v.is_finite()).count();
     if usable == 0 {
@@ -34,7 +34,7 @@ pub(super) fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: 
     Ok(())
 }
 
-/// Photographs that were taken in.
+/// The added photographs.
 pub(super) struct Photographed<'a> {
     pub frames: &'a LoadedFrames,
     pub linearizer: &'a Linearizer,
@@ -42,14 +42,15 @@ pub(super) struct Photographed<'a> {
     pub views: &'a [View],
     pub sample: &'a Sample,
     pub demosaic: Demosaic,
-    /// Shifts in pixels that were undone, which smooths.
+    /// Corrected shifts in pixels, whose correction smooths.
     pub shifts: Option<&'a [[f64; 2]]>,
 }
 
-/// Noise of every view: as given, or from repeats, or from the residuals, or assumed. Maps of merged exposures know their
-/// variances, which are corrected by the residuals where no noise is given.
+/// Noise of every view: as given, from repeats, from the residuals, or assumed. Maps of merged exposures have their own
+/// variances, which are scaled by the residuals if no noise is given.
 ///
-/// Where images behind the sensor's polarizers are interpolated, the noise is that of independent images with the same noise of S1 and S2.
+/// If images behind the sensor's polarizers are interpolated, the noise is that of independent images with the same
+/// noise of S1 and S2.
 pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
     let variances = taken.demosaic.variances();
     let of_residuals = variances.of_residuals(taken.views.len()) as f32;
@@ -63,7 +64,7 @@ pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Des
     (noise, source)
 }
 
-/// The same, given or assumed of the sensor's pixels, or estimated from the residuals.
+/// Noise of the sensor's pixels as given or assumed, or estimated from the residuals.
 fn noise_of_images(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
     let Photographed { frames, linearizer, brackets, views, sample, demosaic, shifts } = taken;
     let of_camera = || {
@@ -88,7 +89,7 @@ fn noise_of_images(taken: &Photographed, maps: &mut StokesMaps, design: &Design)
     let scale = all.iter().map(|f| f.scale()).sum::<f64>() / all.len() as f64;
     let quantisation = (step * scale).powi(2) / 12.0;
     let black = linearizer.lowest().map_or(f64::NEG_INFINITY, |v| v * scale);
-    // Interpolated pixels share noise with their whole block, of which repeats are judged by their scatter.
+    // Interpolated pixels share noise with their whole block, which would distort the scatter of repeats.
     let repeats = if *demosaic == Demosaic::None { pairs(frames, views, sample.views()) } else { vec![] };
     if let Some(noise) = calibrate(sample, &repeats, black, quantisation) {
         return (vec![noise; views.len()], NoiseSource::Repeats);
@@ -102,7 +103,8 @@ fn noise_of_images(taken: &Photographed, maps: &mut StokesMaps, design: &Design)
     }
 }
 
-/// Evens out illumination and vignetting: a common factor per pixel, of a sensor that of its whole super-pixel, that no orientation depends on.
+/// Corrects illumination and vignetting: a common factor per pixel (per super-pixel of a sensor), on which no
+/// orientation depends.
 pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {
     let Some(flat) = &frames.set.flat else { return Ok(()) };
     let light = linearizer.plane(&frames.file(flat))?;

@@ -1,4 +1,4 @@
-//! A reconstruction on its way: photographs are folded into sums as they come.
+//! A reconstruction in progress: photographs are added to sums as they arrive.
 
 mod finish;
 mod light;
@@ -18,45 +18,45 @@ use nacre_frames::{Frame, Linearizer, LoadedFrames};
 use nacre_image::registration::Registrar;
 use std::time::Instant;
 
-/// Registration keeps windows of every view, so longer series are not registered: memory stays bounded.
+/// Maximum number of registered views: registration keeps windows of every view, and memory must stay bounded.
 const REGISTERED: usize = 24;
 
-/// A reconstruction that takes its photographs one by one, in order, as they arrive: the result is the same to the
-/// byte as that of [`reconstruct`](crate::reconstruct).
+/// A reconstruction that takes its photographs one by one, in order, as they arrive. The result is byte-identical to
+/// that of [`reconstruct`](crate::reconstruct).
 pub struct Running {
     pub(crate) frames: LoadedFrames,
     pub(crate) linearizer: Linearizer,
-    /// Numbers of the photographs that are merged into one view each.
+    /// Indices of the photographs merged into each view.
     pub(crate) brackets: Vec<Vec<usize>>,
     pub(crate) views: Vec<View>,
     demosaic: Demosaic,
     pub(crate) sums: Sums,
     /// A few pixels of every view.
     pub(crate) sample: Sample,
-    /// Watches how the photographs lie against each other; a sensor that takes all angles at once needs none.
+    /// Tracks the shifts of the photographs; not needed for a sensor that takes all angles at once.
     registrar: Option<Registrar>,
-    /// Brackets taken in.
+    /// Number of added brackets.
     added: usize,
     read_and_fit_s: f64,
 }
 
 impl Running {
-    /// Begins with a set whose photographs are all there, or will be when they are asked for. Interpolated images are of raw frames of
-    /// monochrome sensors, one exposure each.
+    /// Starts with a set whose photographs exist, or will exist when they are read. Interpolated images require raw
+    /// frames of monochrome sensors with one exposure each.
     ///
     /// # Errors
-    /// `Input` when the set is of another kind or its angles cannot tell an orientation.
+    /// `Input` if the set is of another kind, or if its angles do not determine an orientation.
     pub fn new(frames: LoadedFrames, demosaic: Demosaic) -> Result<Self> {
         let running = Self::begin(frames, demosaic)?;
         running.design()?;
         Ok(running)
     }
 
-    /// Begins with the first photographs of a series that goes on ([`Self::push`]): those at the first analyser angle. Dark
-    /// photographs must be there already.
+    /// Starts with the first photographs of a continuing series ([`Self::push`]): those at the first analyser angle.
+    /// Dark photographs must exist already.
     ///
     /// # Errors
-    /// `Input` when the set is of another kind or needs more memory than there is.
+    /// `Input` if the set is of another kind, or needs more memory than available.
     pub fn open(frames: LoadedFrames) -> Result<Self> {
         Self::begin(frames, Demosaic::None)
     }
@@ -86,10 +86,10 @@ impl Running {
         })
     }
 
-    /// More photographs of the series: all those at its next analyser angle. They are taken in by [`Self::add`].
+    /// Appends photographs of the series: all those at its next analyser angle. [`Self::add`] reads them.
     ///
     /// # Errors
-    /// `Input` when a dark photograph of theirs cannot be read.
+    /// `Input` if one of their dark photographs cannot be read.
     pub fn push(&mut self, photographs: Vec<Frame>) -> Result<()> {
         self.linearizer.learn(&self.frames, &photographs)?;
         let first = self.frames.set.frames.len();
@@ -102,7 +102,7 @@ impl Running {
         Ok(())
     }
 
-    /// Photographs taken in so far.
+    /// Number of added photographs.
     pub fn added(&self) -> usize {
         self.brackets[..self.added].iter().map(Vec::len).sum()
     }
@@ -116,10 +116,10 @@ impl Running {
         Design::new(&self.views.iter().map(|v| v.angle).collect::<Vec<_>>())
     }
 
-    /// Takes in the next photograph, or all exposures at the next angle, which must be there.
+    /// Adds the next photograph, or all exposures at the next angle, which must exist.
     ///
     /// # Errors
-    /// `Input` when it cannot be read or there is none left.
+    /// `Input` if it cannot be read or none is left.
     pub fn add(&mut self) -> Result<()> {
         let begun = Instant::now();
         let Self { frames, linearizer, brackets, views, demosaic, sums, sample, registrar, added, .. } = self;
@@ -131,8 +131,8 @@ impl Running {
         Ok(())
     }
 
-    /// Takes in the rest, two brackets at a time: both are decoded at once, then folded in together, so that the sums go through
-    /// the memory half as often. The order is fixed, so the result does not depend on timing.
+    /// Adds the remaining photographs, two brackets at a time. Both are decoded in parallel and then added together,
+    /// which halves the memory traffic of the sums. The order is fixed, so the result does not depend on timing.
     pub(crate) fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
         let (begun, all) = (Instant::now(), self.brackets.len());
         progress.stage("reading and fitting", all as u64);
@@ -160,7 +160,7 @@ impl Running {
     }
 }
 
-/// The decoded photographs of a bracket, and how they are merged.
+/// The decoded photographs of a bracket, and their merge.
 struct Taken<'a> {
     photographs: Vec<Photograph<'a>>,
     merge: Merge,
@@ -173,7 +173,7 @@ impl<'a> Taken<'a> {
     }
 }
 
-/// Adds brackets from number `first` on, each of which is one view, or four of a polarization sensor.
+/// Adds brackets from index `first` on, each of which is one view, or four views of a polarization sensor.
 fn fold(
     (sums, sample, registrar): (&mut Sums, &mut Sample, &mut Option<Registrar>),
     views: &[View],

@@ -1,4 +1,4 @@
-//! Fits made anew: with photographs moved back onto each other, and at corrected angles.
+//! Repeated fits, with registered photographs and at corrected angles.
 
 use super::Running;
 use crate::angles::aligned::{AngleErrors, alignment};
@@ -13,7 +13,7 @@ use nacre_base::progress::Progress;
 use nacre_image::registration::Resampler;
 
 impl Running {
-    /// How the views lie against each other; the fit is made anew with views moved back where that is worth it.
+    /// Determines the shifts of the views; repeats the fit with registered views if that is worthwhile.
     pub(super) fn align(&mut self, align: Align, progress: &dyn Progress) -> Result<Option<Alignment>> {
         let angles: Vec<f64> = self.views.iter().map(|v| v.angle).collect();
         let mut alignment = alignment(self.registrar.take().as_ref(), &angles);
@@ -26,10 +26,10 @@ impl Running {
         Ok(alignment)
     }
 
-    /// Reads and fits all photographs anew, at the angles that its views have now.
+    /// Reads and fits all photographs again, at the present angles of the views.
     fn fit_anew(&mut self, progress: &dyn Progress) -> Result<()> {
         let [width, height] = [self.frames.info.width, self.frames.info.height];
-        // The old sums, which are most of the memory, go before there are new ones.
+        // The old sums, most of the memory, are freed before new ones are allocated.
         self.sums = self.sums.emptied(1, 1);
         self.sums = self.sums.emptied(width, height);
         (self.sample, self.added) = (self.sample.emptied(), 0);
@@ -37,7 +37,7 @@ impl Running {
     }
 }
 
-/// Reads all photographs again and folds them into new sums, each moved back by its view's shift.
+/// Reads all photographs again and adds them to new sums, with each view's shift corrected.
 fn fit_moved_back(running: &Running, shifts: &[[f64; 2]], progress: &dyn Progress) -> Result<(Sums, Sample)> {
     let Running { frames, linearizer, brackets, views, .. } = running;
     let (width, height) = (frames.info.width, frames.info.height);
@@ -60,21 +60,22 @@ fn fit_moved_back(running: &Running, shifts: &[[f64; 2]], progress: &dyn Progres
     Ok((sums, sample))
 }
 
-/// Largest error of an angle that is corrected, in rad, where a session's stage turned the analyser: more is no error of a stage.
+/// Largest angle error in rad that is corrected if a session's stage rotated the analyser: larger ones are not stage
+/// errors.
 const STAGE_TOLERANCE: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
-/// The same in units of the stated `angle_sigma_deg`.
+/// Largest corrected angle error in units of the stated `angle_sigma_deg`.
 const STATED_TOLERANCE: f64 = 4.0;
 
-/// Estimates analyser-angle errors from the residuals. They are corrected, and the photographs fitted anew, where a capture session turned the
-/// analyser or where `angle_sigma_deg` states that angles may be wrong, up to the tolerance: elsewhere other causes, such as a drifting lamp, are as
-/// likely.
+/// Estimates analyser-angle errors from the residuals. They are corrected, and the photographs fitted again, if a
+/// capture session rotated the analyser or if `angle_sigma_deg` states that angles may be wrong, up to the tolerance.
+/// Otherwise other causes, such as a drifting lamp, are as likely.
 pub(super) fn correct_analyser_angles(
     running: &mut Running,
     alignment: Option<&Alignment>,
     progress: &dyn Progress,
 ) -> Result<Option<AngleErrors>> {
-    // Edges of photographs that are shifted against each other look like wrong angles.
+    // Edges of shifted photographs look like angle errors.
     if alignment.is_some_and(Alignment::is_left) {
         return Ok(None);
     }

@@ -1,4 +1,4 @@
-//! Exposure brackets against closed forms, through files as a session writes them.
+//! Tests of exposure brackets against closed forms, through files as written by a session.
 
 use crate::reconstruct;
 use crate::synthetic::{even_angles, normal};
@@ -12,14 +12,14 @@ use std::path::Path;
 pub(crate) const CAMERA: NoiseModel = NoiseModel { full_scale_e: 40_000.0, read_noise_e: 8.0 };
 const BLACK: f64 = 64.0;
 const WHITE: f64 = 4095.0;
-/// Light that fills a pixel in one second, down to what leaves 13 electrons in the longest exposure.
+/// Levels relative to one that saturates a pixel in one second; the lowest gives 13 electrons in the longest exposure.
 const LEVELS: [f64; 8] = [20.0, 9.0, 4.0, 1.5, 0.4, 0.1, 0.02, 0.005];
 pub(crate) const EXPOSURES: [f64; 3] = [0.02, 0.16, 0.64];
 const WIDTH: usize = 500;
 const ROWS: usize = 8;
 const DOLP: f64 = 0.4;
 
-/// Brightness of a row and the angle of its polarization.
+/// Brightness of a row and its polarization angle.
 pub(crate) fn scene(y: usize) -> (f64, f64) {
     (LEVELS[y / ROWS], 0.3 + 0.37 * (y / ROWS) as f64)
 }
@@ -68,7 +68,7 @@ pub(crate) fn write_set(folder: &Path, set: &FrameSet) {
     std::fs::write(folder.join("frames.json"), save(set)).unwrap();
 }
 
-/// σ of the orientation in closed form: at each angle the inverse variances of the exposures that are not saturated add up.
+/// σ of the orientation in closed form: at each angle the inverse variances of the unsaturated exposures add up.
 fn predicted(y: usize, angles: &[f64], exposures: &[f64]) -> f64 {
     let mut information = Matrix3::zeros();
     for psi in angles {
@@ -104,11 +104,11 @@ fn maps(folder: &Path) -> Maps {
     }
 }
 
-/// Over a dynamic range of 4000:1: σ is the predicted one to 3 %, errors scatter by as much to 5 % (4000 pixels: 1.1 %),
-/// orientation and brightness have no bias beyond 4 standard deviations of their means.
+/// Over a dynamic range of 4000:1, σ matches the prediction to 3 % and the scatter of errors to 5 % (4000 pixels: 1.1
+/// %). Orientation and brightness have no bias beyond 4 standard deviations of their means.
 #[test]
 fn brackets_are_as_good_as_the_closed_form() {
-    // Without a noise model one factor stands for a camera whose mixture of shot and read noise is not known.
+    // Without a noise model a single factor replaces the camera's unknown ratio of shot to read noise.
     for (noise, exactness, of_s0_more) in [(Some(CAMERA), 0.03, 1e-4), (None, 0.4, 0.02)] {
         let folder = tempfile::tempdir().unwrap();
         let angles = photograph(folder.path(), 6, &EXPOSURES, noise);
@@ -120,12 +120,12 @@ fn brackets_are_as_good_as_the_closed_form() {
             let mean = |of: &dyn Fn(usize) -> f64| pixels.clone().map(of).sum::<f64>() / n as f64;
             let error = |i: usize| angle_difference(found.orientation[i].into(), scene(y).1);
             assert!(pixels.clone().all(|i| found.sigma[i].is_finite()), "level {level} is masked");
-            // Beside an edge between two orientations σ holds what a lens may have mixed there.
+            // Beside an edge between two orientations σ includes the possible mixing by a lens.
             let inside = (y + 2) * WIDTH..(y + ROWS - 2) * WIDTH;
             let sigma = inside.clone().map(|i| f64::from(found.sigma[i]).powi(2)).sum::<f64>() / inside.len() as f64;
             let sigma = sigma.sqrt();
             if wanted > 0.05 {
-                continue; // Too dark for an orientation; shown by σ alone.
+                continue; // Too dark for an orientation, as σ shows.
             }
             let scatter = mean(&|i| error(i).powi(2)).sqrt();
             let (bias, s0) = (mean(&error), mean(&|i| f64::from(found.s0[i])) / (2.0 * light));
@@ -140,11 +140,11 @@ fn brackets_are_as_good_as_the_closed_form() {
     }
 }
 
-/// What is saturated in every exposure is masked, and nothing else; the order of the photographs does not matter.
+/// Exactly the pixels that are saturated in every exposure are masked; the order of the photographs is irrelevant.
 #[test]
 fn only_what_no_exposure_can_hold_is_masked() {
     let folder = tempfile::tempdir().unwrap();
-    // Of the brightest level (20) the shortest exposure holds too much.
+    // The brightest level (20) saturates even the shortest exposure.
     photograph(folder.path(), 6, &[0.05, 0.16, 0.64], Some(CAMERA));
     let by_angle = maps(folder.path());
     for (i, s0) in by_angle.s0.iter().enumerate() {
@@ -160,7 +160,7 @@ fn only_what_no_exposure_can_hold_is_masked() {
     assert!(bits(&by_angle.orientation) == bits(&by_exposure.orientation));
 }
 
-/// A looked-at pixel has the fit of the maps, and shows the exposures that hold it.
+/// A probed pixel has the fit of the maps, and shows its unsaturated exposures.
 #[test]
 fn a_probe_shows_what_the_maps_hold() {
     let folder = tempfile::tempdir().unwrap();

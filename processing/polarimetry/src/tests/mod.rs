@@ -1,4 +1,4 @@
-//! Whole reconstructions through files, against closed forms and simulated truth.
+//! Tests of whole reconstructions through files, against closed forms and simulated truth.
 
 pub(crate) mod bracket;
 pub(crate) mod plain;

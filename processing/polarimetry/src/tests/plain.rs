@@ -1,4 +1,4 @@
-//! Photographs that no capture session took: plain polarimetry, at the angles that are stated.
+//! Tests with photographs from outside a capture session: plain polarimetry at the stated angles.
 
 use crate::reconstruct;
 use crate::synthetic::normal;
@@ -11,7 +11,7 @@ use nacre_image::{Samples, encode_png16_gray, read, read_exr};
 use nalgebra::{Matrix3, Vector3};
 use std::path::Path;
 
-/// Black and white of [`Series`].
+/// Code values of black and white of [`Series`].
 const BLACK: f64 = 4000.0;
 const WHITE: f64 = 64_000.0;
 
@@ -37,8 +37,9 @@ fn off_least_squares(folder: &Path, angles: &[f64]) -> f64 {
     (0..maps.width * maps.height).map(off).fold(0.0, f64::max)
 }
 
-/// Analyser angles that are wrong by 0.5° or 8° (standard deviation) are a warning with the size of the error; Stokes parameters are those of least
-/// squares at the stated angles. Where `angle_sigma_deg` says that angles may be wrong they are corrected.
+/// Analyser-angle errors of 0.5° or 8° (standard deviation) cause a warning with the size of the error. Stokes
+/// parameters are those of least squares at the stated angles. If `angle_sigma_deg` states that angles may be wrong,
+/// they are corrected.
 #[test]
 fn stated_angles_are_kept_and_doubt_is_a_warning() {
     let angles: Vec<f64> = (0..30).map(|k| 6.0 * f64::from(k)).collect();
@@ -67,7 +68,7 @@ fn stated_angles_are_kept_and_doubt_is_a_warning() {
     }
 }
 
-/// Writes photographs of a scene of one angle of polarization, which is 60 to 65 % of the light, with noise, and reconstructs them.
+/// Writes noisy photographs of a uniform polarization angle with a degree of 60 to 65 %, and reconstructs them.
 fn uniform(folder: &Path, options: &Options) -> Report {
     const SIZE: usize = 96;
     let frames = (0..8_u64).map(|k| {
@@ -84,7 +85,8 @@ fn uniform(folder: &Path, options: &Options) -> Report {
     reconstruct(folder, &folder.join("out"), options, &Silent).unwrap()
 }
 
-/// A uniform scene is neither masked nor taken for a film: its angle of polarization is that of the light, also under models of gratings.
+/// A uniform scene is neither masked nor mistaken for a film: its polarization angle is that of the light, also under
+/// grating models.
 #[test]
 fn a_uniform_scene_of_strong_modulation_is_measured() {
     for (model, file, channel) in [(None, "aolp.exr", "aolp"), (Some(Model::Auto), "orientation.exr", "orientation")] {
@@ -94,7 +96,7 @@ fn a_uniform_scene_of_strong_modulation_is_measured() {
         assert_eq!(report.model, if model.is_none() { "plain" } else { "sinusoid" });
         let map = read_exr(&folder.path().join("out").join(file)).unwrap();
         let mean = map.channels[channel].iter().map(|v| f64::from(*v)).sum::<f64>() / report.pixels.all as f64;
-        // 9216 pixels of 0.3° noise tell the mean to 0.003°; codes are cut off, not rounded.
+        // 9216 pixels of 0.3° noise determine the mean to 0.003°; codes are truncated, not rounded.
         assert!((mean.to_degrees() - 20.0).abs() < 0.05, "{model:?}: {}", mean.to_degrees());
     }
 }
@@ -117,7 +119,7 @@ fn plain_results_hold_light_alone() {
     let square = |v: &f32| (f64::from(*v) - wanted).powi(2);
     let scatter = (aolp.iter().map(square).sum::<f64>() / aolp.len() as f64).sqrt();
     let said = f64::from(sigma.iter().sum::<f32>()) / sigma.len() as f64;
-    // 9216 pixels tell their scatter to 0.7 %, and their noise to as much.
+    // 9216 pixels determine scatter and noise to 0.7 % each.
     assert!((said / scatter - 1.0).abs() < 0.03, "{said} {scatter}");
     assert!(map.channels["mask"].iter().all(|m| *m == 1.0));
     let (degrees, sigmas) = (&map.channels["dolp"], &map.channels["sigma_dolp"]);
@@ -130,7 +132,7 @@ fn plain_results_hold_light_alone() {
     assert!(report.error_estimate_deg.unwrap() >= noise && report.error.model_deg == Some(0.0));
 }
 
-/// What belongs to gratings is refused rather than ignored.
+/// Options for gratings are refused instead of ignored.
 #[test]
 fn options_of_gratings_are_refused() {
     let folder = tempfile::tempdir().unwrap();

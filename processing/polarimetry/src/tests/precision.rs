@@ -1,4 +1,4 @@
-//! What is said about σ while a series goes on, against what comes true.
+//! Tests of the predicted σ during a series against the final one.
 
 use crate::reconstruct;
 use crate::tests::bracket::{CAMERA, EXPOSURES, photograph, write_set};
@@ -9,7 +9,7 @@ use nacre_image::OutputFolder;
 use std::f64::consts::{FRAC_PI_4, PI};
 use std::path::Path;
 
-/// Takes in the photographs at the first so many angles, `per` at each, as a session does.
+/// Adds the photographs at the first `angles` angles, `per` at each, as a session does.
 fn running(folder: &Path, angles: usize, per: usize) -> Running {
     let mut frames = load(folder).unwrap();
     let rest = frames.set.frames.split_off(per);
@@ -22,7 +22,7 @@ fn running(folder: &Path, angles: usize, per: usize) -> Running {
     running
 }
 
-/// A series that grew is reconstructed to the same bytes as the whole, and its σ was the report's.
+/// An incrementally added series gives the same bytes as the whole set, and its σ matches the report.
 #[test]
 fn a_series_that_grows_gives_the_same_maps_as_the_whole() {
     for exposures in [&EXPOSURES[..1], &EXPOSURES[..]] {
@@ -45,13 +45,13 @@ fn a_series_that_grows_gives_the_same_maps_as_the_whole() {
     }
 }
 
-/// What is said to be the least σ is not above what comes; over bright pixels it is so to 10 %.
+/// The lower bound of σ does not exceed the final σ; for bright pixels it agrees to 10 %.
 #[test]
 fn the_predicted_sigma_comes_true() {
     let folder = tempfile::tempdir().unwrap();
     photograph(folder.path(), 24, &[0.02], Some(CAMERA));
     let mut set = load(folder.path()).unwrap().set;
-    // The first four angles are even.
+    // The first four angles are equidistant.
     set.frames.sort_by_key(|f| (f.analyser_deg.unwrap() % 45.0 > 0.01, f.file.clone()));
     write_set(folder.path(), &set);
     for (rows, least) in [([0, 64], 0.6), ([0, 32], 0.9)] {
@@ -62,7 +62,7 @@ fn the_predicted_sigma_comes_true() {
     }
 }
 
-/// Leaves of the photographs the rows from one to another.
+/// Keeps only a range of rows of the photographs.
 fn crop(folder: &Path, [from, to]: [u32; 2]) {
     for frame in &load(folder).unwrap().set.frames {
         let path = folder.join(&frame.file);
@@ -71,7 +71,7 @@ fn crop(folder: &Path, [from, to]: [u32; 2]) {
     }
 }
 
-/// Where one orientation is in view, the steepest place of its sinusoid is best; where all are, the largest gap.
+/// With one orientation in view the steepest point of its sinusoid is best; with all orientations, the largest gap.
 #[test]
 fn the_next_angle_is_where_the_sinusoid_is_steepest() {
     let grid: Vec<f64> = (0..180).map(|k| f64::from(k).to_radians()).collect();
@@ -87,7 +87,7 @@ fn the_next_angle_is_where_the_sinusoid_is_steepest() {
         let one = running(folder.path(), 4, per).precision().unwrap();
         let best = one.best_angle(&grid).unwrap();
         let aolp = crate::tests::bracket::scene(32).1;
-        // Half way down, or a little darker, where shot noise is less.
+        // At half height, or slightly darker, where shot noise is lower.
         let from_steepest = ((best - aolp).rem_euclid(PI / 2.0) - FRAC_PI_4).abs();
         assert!(from_steepest < 12f64.to_radians(), "{} from {}", best.to_degrees(), aolp.to_degrees());
         assert!(best < PI);

@@ -1,4 +1,4 @@
-//! Repeats against series whose noise is known, through files as a session writes them.
+//! Tests of repeats against series of known noise, through files as written by a session.
 
 use crate::reconstruct;
 use crate::synthetic::normal;
@@ -12,23 +12,23 @@ use std::path::Path;
 const SIZE: usize = 160;
 const CAMERA: NoiseModel = NoiseModel { full_scale_e: 10_000.0, read_noise_e: 12.0 };
 
-/// A series of a surface whose brightness and polarization change slowly, with edges.
+/// A series of a surface with slowly varying brightness and polarization, and with edges.
 pub(crate) struct Series {
-    /// Analyser angles in degrees, as the reconstruction is told.
+    /// Analyser angles in degrees, as given to the reconstruction.
     pub angles: Vec<f64>,
-    /// What they are off by, in degrees; missing ones are 0.
+    /// Analyser-angle errors in degrees; missing ones are 0.
     pub missed: Vec<f64>,
-    /// What the reconstruction is told of that.
+    /// Accuracy of the angles as given to the reconstruction.
     pub angle_sigma_deg: Option<f64>,
-    /// Distance between codes, as a share of white.
+    /// Step between codes, relative to white.
     pub step: f64,
     /// Brightness of each photograph.
     pub lamp: fn(usize) -> f64,
-    /// How far each photograph's content is moved to the right, in pixels.
+    /// Shift of each photograph to the right, in pixels.
     pub shift: fn(usize) -> f64,
-    /// Noise of the photographs over that of the camera that `frames.json` is told of, as a variance.
+    /// Ratio of the true noise variance to that stated in `frames.json`.
     pub louder: f64,
-    /// Another program took the photographs.
+    /// Whether the photographs come from another program.
     pub foreign: bool,
 }
 
@@ -49,7 +49,7 @@ impl Default for Series {
 }
 
 impl Series {
-    /// Light at a place, and the angle of its polarization.
+    /// Intensity at a position, and its polarization angle.
     fn scene(x: f64, y: f64) -> (f64, f64) {
         let tile = (x / 20.0).floor() + 3.0 * (y / 40.0).floor();
         (0.05 + 0.5 * y / SIZE as f64 + 0.1 * (0.7 * tile).sin().abs(), 0.3 + 0.41 * tile)
@@ -59,10 +59,10 @@ impl Series {
         self.reconstructed(tempfile::tempdir().unwrap().path(), told)
     }
 
-    /// Photographs and results in `out` in a folder.
+    /// Writes photographs, and results in `out`, into a folder.
     pub(crate) fn reconstructed(&self, folder: &Path, told: Option<NoiseModel>) -> Report {
         self.photograph(folder, told);
-        // Moving photographs back smooths their noise.
+        // Registration smooths the noise, so it is off.
         let (model, align, smooth) = (Some(crate::Model::Sinusoid), Some(Align::Off), Smoothing::NONE);
         let options = Options { model, align, smooth, ..Options::default() };
         reconstruct(folder, &folder.join("out"), &options, &Silent).unwrap()
@@ -77,7 +77,7 @@ impl Series {
                 let seen = (self.lamp)(k) * light * (1.0 + 0.4 * (2.0 * (psi - aolp)).cos());
                 let noise = CAMERA.frame(1.0, 1.0, 0.0);
                 let sigma = (self.louder * (noise.shot * seen + noise.floor)).sqrt();
-                // Black is at 6 % of white, so that noise in the dark is not cut off.
+                // Black is at 6 % of white, so that noise in the dark is not clipped.
                 let value = seen + sigma * normal(31 * k as u64 + 5, i as u64);
                 ((value / self.step).round() * self.step * 60_000.0 + 4000.0) as u16
             };
@@ -113,7 +113,8 @@ fn camera(level: f64) -> f64 {
     noise.shot * level + noise.floor
 }
 
-/// The noise found is the truth's to the 5 % wanted, σ is what the halves differ by, and a lamp that drifts is seen and does no harm.
+/// The estimated noise matches the truth within the required 5 %, σ matches the difference of the halves, and a
+/// drifting lamp is detected without harm.
 #[test]
 fn noise_is_found_in_repeats() {
     let lamps: [fn(usize) -> f64; 2] = [|_| 1.0, |k| 1.0 + 0.004 * k as f64];
@@ -125,26 +126,27 @@ fn noise_is_found_in_repeats() {
         assert!((0.8..=1.3).contains(&found.chi2) && (0.8..=1.3).contains(&found.chi2_median), "{found:?}");
         assert_eq!((found.pairs, found.gain.len()), (4, 4));
         for (k, gain) in found.gain.iter().enumerate() {
-            // 256 blocks of 64 pixels of 1.5 % noise each: known to 0.02 %.
+            // 256 blocks of 64 pixels with 1.5 % noise each: determined to 0.02 %.
             assert!((gain / (lamp(k + 4) / lamp(k)) - 1.0).abs() < 1e-3, "{found:?}");
         }
         assert!(found.pixels > SIZE * SIZE / 3 && report.warnings.iter().all(|w| !w.contains("χ²")), "{found:?}");
     }
 }
 
-/// Rounding to coarse codes is noise like any other, down to where a quiet camera's repeats are alike: there it is still an error.
+/// Rounding to coarse codes is noise like any other, including a quiet camera whose repeats are equal: the error
+/// remains there.
 #[test]
 fn coarse_codes_are_noise_too() {
     let coarse = Series { step: 1.0 / 128.0, ..Series::default() }.report(None);
     is_near(&coarse, |level| camera(level) + (1.0f64 / 128.0).powi(2) / 12.0, 0.05);
     assert!((0.8..=1.3).contains(&coarse.repeats.unwrap().chi2));
-    // The files' codes are 16 bit, and without noise nothing else is left.
+    // The files' codes are 16 bit, the only remaining noise.
     let quiet = Series { louder: 0.0, step: 1.0 / 60_000.0, ..Series::default() }.report(None);
     assert!((quiet.noise.floor * 12.0).sqrt() * 60_000.0 > 0.999, "{:?}", quiet.noise);
 }
 
-/// An analyser that moves the image by half a pixel as it turns makes edges differ; the noise is found larger by less than a tenth,
-/// although nothing moves the photographs back.
+/// An analyser that shifts the image by half a pixel per turn causes differences at edges. The estimated noise rises by
+/// less than a tenth, although the photographs are not registered.
 #[test]
 fn moving_edges_are_not_noise() {
     let report = Series { shift: |k| 0.5 * f64::from(u8::from(k > 3)), ..Series::default() }.report(None);
@@ -152,7 +154,7 @@ fn moving_edges_are_not_noise() {
     assert!((0.8..=1.3).contains(&report.repeats.unwrap().chi2_median));
 }
 
-/// A camera that is noisier than it is said to be is found out.
+/// A camera with more noise than stated is detected.
 #[test]
 fn noise_that_is_told_wrong_is_found_out() {
     let report = Series { louder: 2.0, ..Series::default() }.report(Some(CAMERA));
@@ -165,7 +167,7 @@ fn noise_that_is_told_wrong_is_found_out() {
     assert!((honest.chi2 - 1.0).abs() < 0.1, "{honest:?}");
 }
 
-/// Angles in any order and from more than one turn, exactly alike as well; two repeated angles are not enough.
+/// Angles in any order and from more than one turn, and exactly equal ones; two repeated angles are not enough.
 #[test]
 fn repeats_are_found() {
     let of =

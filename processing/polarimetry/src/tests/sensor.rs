@@ -1,4 +1,5 @@
-//! Raw frames of polarization sensors: super-pixels, colour filters, interpolated images, and whether σ is what errors scatter by.
+//! Tests with raw frames of polarization sensors: super-pixels, colour filters, interpolated images, and whether σ
+//! matches the scatter of errors.
 
 use crate::synthetic::normal;
 use crate::tests::bracket::write_set;
@@ -14,10 +15,10 @@ const CAMERA: NoiseModel = NoiseModel { full_scale_e: 10_000.0, read_noise_e: 5.
 const SIDE: usize = 256;
 const DOLP: f64 = 0.4;
 
-/// Light of red, green and blue filters, and angle of polarization in rad behind each.
+/// Intensity behind red, green and blue filters, and polarization angle in rad of each.
 const COLOURS: [(f64, f64); 3] = [(0.3, 0.2), (0.8, 1.1), (0.5, 2.5)];
 
-/// Photographs `count` frames of even light with a sensor whose layout is Sony's.
+/// Photographs `count` frames of uniform light with a sensor of Sony's layout.
 fn photograph(folder: &Path, layout: Sensor, count: u64, noise: Option<NoiseModel>) {
     let angles = [90.0_f64, 45.0, 135.0, 0.0].map(f64::to_radians);
     let code = |frame: u64, i: usize| {
@@ -50,14 +51,14 @@ fn maps(folder: &Path, demosaic: Demosaic) -> (Report, BTreeMap<String, Vec<f32>
     (report, planes.into_iter().collect())
 }
 
-/// Root mean square of σ over that of the errors.
+/// Root mean square of σ relative to that of the errors.
 fn calibration(planes: &BTreeMap<String, Vec<f32>>, aolp: f64) -> f64 {
     let square = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
     let errors = square(&mut planes["aolp"].iter().map(|v| angle_difference(f64::from(*v), aolp)));
     (square(&mut planes["sigma"].iter().map(|v| f64::from(*v))) / errors).sqrt()
 }
 
-/// With the noise given, and found in one frame and in two.
+/// With given noise, and with noise estimated from one frame and from two.
 #[test]
 fn sigma_is_what_interpolated_pixels_scatter_by() {
     for (count, noise) in [(1, Some(CAMERA)), (1, None), (2, None)] {
@@ -69,9 +70,9 @@ fn sigma_is_what_interpolated_pixels_scatter_by() {
             assert_eq!((report.width, report.height), (side, side));
             assert!(!report.warnings.iter().any(|w| w.contains("halves")), "{:?}", report.warnings);
             let ratio = calibration(&planes, COLOURS[1].1);
-            // 16,384 independent pixels tell their scatter to 0.6 %, and their noise to as much.
-            // Edge-aware images at one place are correlated: the median of their residuals, from which noise is found, is below that of
-            // independent ones with the same mean. Two frames show the most of it, 6 %.
+            // 16,384 independent pixels determine scatter and noise to 0.6 % each. Edge-aware images at one position
+            // are correlated. The median of their residuals, from which noise is estimated, is below that of
+            // independent images with the same mean. For two frames the difference is largest, 6 %.
             let exactness = if count > 1 && demosaic == Demosaic::EdgeAware { 0.08 } else { 0.03 };
             assert!(
                 (ratio - 1.0).abs() < exactness,
@@ -110,7 +111,7 @@ fn colours_of_a_sensor_are_measured_apart() {
     assert!((mean("S1") - wanted(f64::cos)).abs() < 1e-3 && (mean("S2") - wanted(f64::sin)).abs() < 1e-3);
 }
 
-/// The probe of a pixel shows what its map was made of.
+/// The probe of a pixel shows the data of its map pixel.
 #[test]
 fn a_probed_pixel_is_that_of_the_maps() {
     for (layout, demosaic) in [

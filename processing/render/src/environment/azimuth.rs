@@ -1,5 +1,5 @@
-//! The full integral for surfaces that face the viewer, all at once: the kernel of a row of the result does not depend on azimuth, so that
-//! each pair of rows is one correlation along them.
+//! The full integral for surfaces that face the viewer. The kernel of a result row does not depend on azimuth, so each
+//! pair of rows is one circular correlation along the rows.
 
 use super::{Environment, Table};
 use nacre_base::progress::Progress;
@@ -9,17 +9,18 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// An environment is summed up this finely: parts of a pixel are at most so many cells of the table.
+/// Resolution of the sum over the environment: a subpixel spans at most this many table cells.
 const CELLS: f64 = 1.5;
 
-/// Most parts along either side of a pixel.
+/// Maximum number of subpixels along a pixel side.
 const PARTS: usize = 15;
 
-/// Reflection of an environment by surfaces that face each direction of a sphere, with the table's direction `meridian` (radians) towards +z:
-/// the sum over all its pixels, or over parts of them where the table is finer, of any table, separable or not.
+/// Reflection of an environment by surfaces that face each direction of a sphere, with the table's direction `meridian`
+/// (radians) towards +z. The table may be non-separable. The sum covers all pixels, or subpixels where the table is
+/// finer.
 ///
 /// # Errors
-/// `Input` when a transform fails; `Cancelled`.
+/// `Input` if a transform fails; `Cancelled`.
 pub fn facing(
     environment: &Environment,
     table: &Table,
@@ -27,7 +28,7 @@ pub fn facing(
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 3]>> {
     let (width, height) = (environment.width, environment.height);
-    // An odd number, so that the middle of a pixel is the middle of a part.
+    // An odd number, so that the centre of a pixel is the centre of a subpixel.
     let fine = (PI / height as f64 / (CELLS * table.cell())).ceil().max(1.0) as usize;
     let fine = (fine + 1 - fine % 2).min(PARTS);
     let columns = width * fine;
@@ -61,7 +62,7 @@ pub fn facing(
         for (from, spectra) in sky.iter().enumerate() {
             let up = 0.5 * (edge(from) + edge(from + 1));
             let across = (1.0 - up * up).sqrt();
-            // Nearest to the middle is what lies on the same meridian.
+            // Directions on the same meridian are closest to the centre.
             if cos * up + sin * across <= 0.0 {
                 continue;
             }
@@ -87,13 +88,13 @@ pub fn facing(
         }
         let mut out = vec![[0.0_f32; 3]; width];
         for (c, sum) in sums.iter_mut().enumerate() {
-            // Both are real for a real row; rounding left traces.
+            // Both coefficients are real for a real row; rounding leaves small imaginary parts.
             sum[0].im = 0.0;
             if columns.is_multiple_of(2) {
                 sum[bins - 1].im = 0.0;
             }
             inverse.process(sum, &mut kernel[c]).map_err(failed)?;
-            // The middle part of each pixel.
+            // The central subpixel of each pixel.
             let middles = kernel[c].iter().skip(fine / 2).step_by(fine);
             out.iter_mut().zip(middles).for_each(|(pixel, v)| pixel[c] = v / columns as f32);
         }

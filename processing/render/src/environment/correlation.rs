@@ -1,9 +1,10 @@
-//! What a flat sample reflects of light from everywhere, for all directions of view at once.
+//! Exact reflection of an environment by a flat sample, for all directions of view at once.
 //!
-//! `L(ωo) cos θo = ∬ S_d(ωi + ωo) (1 + ωi·ωo)² Li(ωi) dωi`. Between unit vectors whose half vector has the length h along the surface,
-//! `1 + ωi·ωo = (h² + (zi + zo)²) / 2`, so that the square is a polynomial in the cosine of view zo whose coefficients are products of a power of h, which
-//! is a function of the table's place, and one of zi: correlations over direction cosines, by Fourier transforms. None of them is negative, so that
-//! nothing cancels where light grazes.
+//! `L(ωo) cos θo = ∬ S_d(ωi + ωo) (1 + ωi·ωo)² Li(ωi) dωi`. For unit vectors whose half vector has the tangential
+//! length h, `1 + ωi·ωo = (h² + (zi + zo)²) / 2`. Its square is a polynomial in the cosine of view zo. Each coefficient
+//! is a product of a power of h, a function of the table position, and of a power of zi. The integral is therefore a
+//! sum of correlations over direction cosines, evaluated by Fourier transforms. All terms are non-negative, so grazing
+//! light causes no cancellation.
 
 use super::cosines::slices;
 use nacre_base::Result;
@@ -13,19 +14,21 @@ use nacre_image::catmull_rom;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-/// Light of the cells of the disc of direction cosines, y upwards: sums over a cell of radiance times solid angle times powers of z.
+/// Incident light per cell of the disc of direction cosines, y upwards: sums of radiance times solid angle times powers
+/// of z.
 pub(crate) type Moments = Vec<[f64; 5]>;
 
-/// A table's entry times 1, h² and h⁴, by power and channel.
+/// A table entry times 1, h² and h⁴, by power and channel.
 pub(crate) type Entry = [[f64; 3]; 3];
 
-/// Powers of the cosine of light.
+/// Powers of the cosine of incidence.
 #[inline]
 pub(crate) fn moments(z: f64) -> [f64; 5] {
     [1.0, z, z * z, z * z * z, z * z * z * z]
 }
 
-/// Light over the disc of direction cosines, from a radiance by direction: places of each cell are no farther `apart` than that (rad).
+/// Integrates a radiance over the cells of the disc of direction cosines; the sampling points of a cell are at most
+/// `apart` (rad) from each other.
 pub(crate) fn light(size: usize, apart: f64, radiance: impl Fn([f64; 3]) -> f64 + Sync) -> Moments {
     let cell = 2.0 / size as f64;
     let across = (cell / apart).ceil().max(1.0) as usize;
@@ -46,14 +49,14 @@ pub(crate) fn light(size: usize, apart: f64, radiance: impl Fn([f64; 3]) -> f64 
     (0..size * size).into_par_iter().map(sum).collect()
 }
 
-/// An entry of a table at a half vector.
+/// The table entry at a half vector, with its powers of h².
 #[inline]
 pub(crate) fn entry(rgb: [f64; 3], [x, y]: [f64; 2]) -> Entry {
     let square = x * x + y * y;
     [1.0, square, square * square].map(|h| rgb.map(|v| v * h))
 }
 
-/// `4 (1 + ωi·ωo)²`: how often the product of a power of h², of zi and of zo is in it.
+/// Terms of `4 (1 + ωi·ωo)²`: exponents of h², zi and zo, and the coefficient.
 const TERMS: [(usize, usize, usize, f64); 9] = [
     (2, 0, 0, 1.0),
     (1, 2, 0, 2.0),
@@ -66,23 +69,23 @@ const TERMS: [(usize, usize, usize, f64); 9] = [
     (0, 0, 4, 1.0),
 ];
 
-/// Radiance that a flat sample reflects, times the cosine of view.
+/// Radiance reflected by a flat sample, times the cosine of view.
 ///
-/// Kept as a polynomial of that cosine whose coefficients are smooth up to the horizon.
+/// It is stored as a polynomial in that cosine, with coefficients that are smooth up to the horizon.
 #[derive(Default)]
 pub(crate) struct Reflected {
     /// Cells along a side of the square of direction cosines from -1 to 1.
     size: usize,
-    /// Per cell, row by row upwards, and channel: the coefficients.
+    /// Polynomial coefficients per cell (row by row, upwards) and channel.
     cells: Vec<[[f32; 5]; 3]>,
 }
 
-/// Centre of a cell.
+/// Direction cosine at the centre of a cell.
 pub(crate) fn cosine(size: usize, k: usize) -> f64 {
     (2.0 * k as f64 + 1.0) / size as f64 - 1.0
 }
 
-/// Of a table over half vectors and the light of `size · size` cells, channel by channel.
+/// Correlates a table over half vectors with the light of `size · size` cells, channel by channel.
 ///
 /// # Errors
 /// `Cancelled`.
@@ -103,7 +106,7 @@ pub(crate) fn correlate(
         progress.check()?;
         let tables = [0, 1, 2]
             .map(|power| fourier.forward(entries.iter().map(|e| Complex64::new(e[power][channel], 0.0)).collect()));
-        // Coefficients are real, so that two share a transform back: the second is its imaginary part.
+        // The coefficients are real, so two share an inverse transform as its real and imaginary parts.
         let mut sums = [const { vec![] }; 3].map(|mut plane: Vec<Complex64>| {
             plane.resize(side * side, Complex64::default());
             plane
@@ -136,7 +139,7 @@ pub(crate) fn correlate(
     Ok(Reflected { size, cells })
 }
 
-/// A polynomial's value.
+/// Evaluates a polynomial.
 #[inline]
 fn polynomial(coefficients: [f32; 5], z: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| sum * z + f64::from(*c))
@@ -148,12 +151,12 @@ impl Reflected {
         self.size
     }
 
-    /// In the centre of a cell, rows upwards, whose cosine of view is `z`.
+    /// Value at the centre of a cell (rows upwards), with cosine of view `z`.
     pub(crate) fn cell(&self, i: usize, z: f64) -> [f64; 3] {
         self.cells[i].map(|c| polynomial(c, z))
     }
 
-    /// In a direction of view, cubic between cells.
+    /// Value in a direction of view, by cubic interpolation between cells.
     pub(crate) fn at(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let n = self.size;
         let place = |v: f64| ((v + 1.0) * 0.5 * n as f64 - 0.5).clamp(0.0, (n - 1) as f64);

@@ -1,12 +1,13 @@
 //! The disc of direction cosines.
 
-/// A slice of the part of a cell that is inside the disc, along the axis that crosses the rim: evenly in the angle over the horizon, in which
-/// the solid angle `dx dy / cos θ` is not singular, it is `angle · width`.
+/// A slice of the part of a cell inside the disc, along the axis that crosses the rim. It is sampled evenly in the
+/// elevation angle, in which the solid angle `dx dy / cos θ` has no singularity: the slice's solid angle is
+/// `angle · width`.
 pub(crate) struct Slice {
-    /// Angles over the horizon, in rad, between which it lies; more than π/2 is beyond the normal.
+    /// Range of elevation angles in rad; values above π/2 lie beyond the normal.
     pub angles: [f64; 2],
     pub width: f64,
-    /// Place across the slice, half the chord of the disc there, and which axis and side it runs along.
+    /// Position across the slice, half the chord of the disc there, and the axis and side along which the slice runs.
     across: f64,
     radius: f64,
     along_x: bool,
@@ -14,7 +15,7 @@ pub(crate) struct Slice {
 }
 
 impl Slice {
-    /// The direction at an angle over the horizon.
+    /// Direction at an elevation angle.
     #[inline]
     pub fn direction(&self, angle: f64) -> [f64; 3] {
         let (sin, cos) = angle.sin_cos();
@@ -24,7 +25,7 @@ impl Slice {
     }
 }
 
-/// So many slices of the cell with these sides about a place; none where it lies outside.
+/// Divides the cell with these sides about a position into `count` slices; none outside the disc.
 pub(crate) fn slices([x, y]: [f64; 2], sides: [f64; 2], count: usize) -> impl Iterator<Item = Slice> {
     let along_x = x.abs() >= y.abs();
     let ([along, across], [length, height]) = if along_x { ([x, y], sides) } else { ([y, x], [sides[1], sides[0]]) };
@@ -39,8 +40,8 @@ pub(crate) fn slices([x, y]: [f64; 2], sides: [f64; 2], count: usize) -> impl It
     })
 }
 
-/// Solid angle of the cell with these sides about a place in the disc of direction cosines, dx dy / cos θ: towards the rim, where the
-/// cosine vanishes, of the part that is inside, in so many slices.
+/// Solid angle dx dy / cos θ of the cell with these sides about a position in the disc of direction cosines. Near the
+/// rim, where the cosine vanishes, it covers the part inside the disc, divided into `count` slices.
 pub(crate) fn solid_angle([x, y]: [f64; 2], sides: [f64; 2], count: usize) -> f64 {
     let square = x * x + y * y;
     if square < 0.81 {
@@ -56,7 +57,7 @@ mod tests {
 
     #[test]
     fn cells_of_the_disc_make_a_hemisphere() {
-        // Measured: 1.5e-4 off with a slice, 1e-5 with sixteen.
+        // Measured errors: 1.5e-4 with one slice, 1e-5 with sixteen.
         for (count, bound) in [(1, 5e-4), (16, 5e-5)] {
             let n = 400;
             let side = 2.0 / f64::from(n);

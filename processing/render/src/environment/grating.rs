@@ -1,26 +1,27 @@
-//! One grating under an environment: a sum over orders and wavelengths, without any table.
+//! One grating under an environment: a sum over orders and wavelengths, without a lookup table.
 //!
-//! Order m of wavelength λ sends light from `ωi` to `ωo` where `ωi + ωo` is m λ/a along the grating vector, across the tangential plane. Both
-//! sides have the same area of direction cosines, so that radiance is passed on times the order's efficiency: no Jacobian is left.
+//! Order m of wavelength λ diffracts light from `ωi` to `ωo` where `ωi + ωo` is m λ/a along the grating vector, in the
+//! tangential plane. Both sides have the same area of direction cosines. The radiance is therefore multiplied by the
+//! order's efficiency, without a Jacobian.
 
 use super::{Environment, Frame};
 use nacre_base::{Error, Result};
 use nacre_optics::color::{Observer, linear_srgb};
 use std::sync::LazyLock;
 
-/// Wavelengths that are seen.
+/// Visible range in nm.
 const SEEN_NM: [f64; 2] = [390.0, 720.0];
 
-/// Efficiencies are tabled so far apart, and interpolated between.
+/// Wavelength step of the tabulated efficiencies in nm; values between are interpolated.
 const TABLED_NM: f64 = 5.0;
 
-/// Orders that have less than this efficiency at every wavelength are left out.
+/// Efficiency below which an order is neglected at all wavelengths.
 const LEAST: f64 = 1e-5;
 
-/// Narrowest and widest adaptive step.
+/// Smallest and largest adaptive step in nm.
 const STEP_NM: [f64; 2] = [0.25, 20.0];
 
-/// Running sum of what each channel sees of an even spectrum, 1 nm after the other; 1 at the end.
+/// Cumulative response of each channel to an equal-energy spectrum, in steps of 1 nm; 1 at the end.
 static SEEN: LazyLock<Vec<[f64; 3]>> = LazyLock::new(|| {
     let mut sum = [0.0; 3];
     let mut all = vec![sum];
@@ -33,34 +34,34 @@ static SEEN: LazyLock<Vec<[f64; 3]>> = LazyLock::new(|| {
     all.iter().map(|s| std::array::from_fn(|c| s[c] / sum[c])).collect()
 });
 
-/// Most orders on either side.
+/// Maximum number of orders per side.
 const ORDERS: usize = 40;
 
-/// A sinusoidal grating that reflects all light.
+/// A lossless sinusoidal grating.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grating {
     /// Period in µm.
     pub period_um: f64,
-    /// From crest to trough in µm.
+    /// Peak-to-peak depth in µm.
     pub depth_um: f64,
-    /// Direction of the grating vector, across the grooves, anticlockwise from the frame's tangent, radians.
+    /// Direction of the grating vector, anticlockwise from the frame's tangent, radians.
     pub azimuth: f64,
 }
 
-/// How wavelengths are sampled.
+/// Sampling of the wavelengths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Steps {
-    /// So many nm apart (the papers: 5).
+    /// Fixed step in nm (5 in the papers).
     Even(f64),
-    /// So far apart that an order moves by this many pixels of the environment from one to the next.
+    /// Steps in which an order moves by this many pixels of the environment.
     Adaptive(f64),
 }
 
 impl Grating {
-    /// Refuses what makes no sense.
+    /// Checks the parameters.
     ///
     /// # Errors
-    /// `Input`, which names the setting.
+    /// `Input`, which names the parameter.
     pub fn check(&self) -> Result<()> {
         let bad = |what: &str, value: f64, remedy: &str| Err(Error::input(what, format!("is {value}"), remedy));
         if !(0.3..=1000.0).contains(&self.period_um) {
@@ -75,9 +76,9 @@ impl Grating {
         Ok(())
     }
 
-    /// Radiance reflected towards `view`, and how many directions of the environment were looked up. Each channel of the environment is
-    /// taken to have an even spectrum. Efficiencies are `J_m²` of the mirror's phase, which add up to 1;
-    /// what goes into orders beyond the horizon is lost.
+    /// Radiance reflected towards `view`, and number of evaluated environment directions. Each channel of the
+    /// environment is assumed to have an equal-energy spectrum. Efficiencies are `J_m²` of the phase amplitude in the
+    /// mirror direction, and add up to 1; the power of evanescent orders is lost.
     ///
     /// # Errors
     /// `Input` as [`Self::check`].
@@ -138,7 +139,7 @@ impl Grating {
     }
 }
 
-/// What each channel sees up to a wavelength.
+/// Cumulative response of each channel up to a wavelength.
 fn seen(nm: f64) -> [f64; 3] {
     let place = (nm - SEEN_NM[0]).clamp(0.0, (SEEN.len() - 1) as f64);
     let k = (place as usize).min(SEEN.len() - 2);

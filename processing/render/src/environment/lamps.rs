@@ -1,19 +1,20 @@
-//! Lamps of an environment as points whose spread is in the table (2017 TOG, section 6.1): what is bright and small is taken out of the
-//! environment, and the table is spread by its mirror image.
+//! Lamps of an environment as point sources (2017 TOG, section 6.1). Small bright regions are removed from the
+//! environment, and the table is convolved with their mirror image.
 
 use super::{Environment, Frame, Table, geometry};
 
-/// A lamp: a direction, and small lights around it.
+/// A lamp: a direction, and the point sources around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
     /// Centroid of its light.
     pub direction: [f64; 3],
-    /// Flux (radiance times solid angle) of each small light, and where it is, in direction cosines from the centroid (east, north).
+    /// Flux (radiance times solid angle) of each point source, and its position in direction cosines relative to the
+    /// centroid (east, north).
     pub spread: Vec<([f64; 2], [f64; 3])>,
 }
 
-/// Takes regions brighter than `threshold` times the mean radiance out of an environment: lamps, and what is left, whose pixels there are
-/// at the threshold. Pixels that touch are one lamp.
+/// Separates regions brighter than `threshold` times the mean radiance: returns the lamps, and the environment with
+/// these pixels at the threshold. Adjacent pixels form one lamp.
 ///
 /// # Errors
 /// As [`Environment::of`].
@@ -73,8 +74,8 @@ fn lamp(environment: &Environment, pixels: &[usize], limit: f64, rest: &mut [[f3
 }
 
 impl Lamp {
-    /// Radiance reflected towards `view` (world): the table spread by the lamp, at the half vector of its centroid. `(1 + ωi·ωo)²` is taken
-    /// to be the same for the whole lamp.
+    /// Radiance reflected towards `view` (world): the table convolved with the lamp, at the half vector of its
+    /// centroid. `(1 + ωi·ωo)²` is assumed constant over the lamp.
     pub fn reflected(&self, table: &Table, frame: &Frame, view: [f64; 3]) -> [f64; 3] {
         let (light, view) = (frame.local(self.direction), frame.local(view));
         let factor = geometry(light, view);

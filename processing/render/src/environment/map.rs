@@ -1,4 +1,4 @@
-//! Lat-long environments: light from all directions as an equirectangular picture.
+//! Lat-long environments: radiance of all directions as an equirectangular picture.
 
 use nacre_base::{Error, Result};
 use nacre_image::{Light, read_light};
@@ -6,48 +6,51 @@ use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-/// Most pixels of an environment (8192 × 4096); with its tables one takes 20 bytes per pixel.
+/// Maximum number of pixels of an environment (8192 × 4096); with its sampling tables it takes 20 bytes per pixel.
 const MAX_PIXELS: usize = 32 << 20;
 
-/// Negative radiance down to this part of the brightest is what scaling with overshoot leaves beside a sun, and becomes 0: Lanczos' filter
-/// of three lobes falls to -0.13 of a point's height, and maps that are given away have that.
+/// Largest magnitude of negative radiance that is clamped to 0, relative to the brightest pixel. Resampling with
+/// overshoot causes such values beside a sun: Lanczos' three-lobe filter falls to -0.13 of a point's height, as found
+/// in published maps.
 const NOISE: f32 = 0.2;
 
-/// Part of the pixels that may be infinite or no number.
+/// Largest fraction of infinite or NaN pixels.
 const MOST_NOT_FINITE: f64 = 0.01;
 
-/// Part of the light from which negative radiance is worth a warning.
+/// Fraction of negative light from which a warning is issued.
 const TOLD: f64 = 1e-4;
 
-/// A lat-long environment: linear radiance, row 0 at the zenith (+z), the middle column towards +x, azimuth anticlockwise seen from
-/// above growing to the left.
+/// A lat-long environment of linear radiance. Row 0 is the zenith (+z), the centre column points towards +x, and
+/// azimuth (anticlockwise seen from above) increases to the left.
 ///
-/// The centre of pixel (x, y) is the direction with polar angle `π (y + ½)/height` and azimuth `2π (½ − (x + ½)/width)`.
+/// The centre of pixel (x, y) is the direction with polar angle `π (y + ½)/height` and azimuth
+/// `2π (½ − (x + ½)/width)`.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    /// Pixels of a row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
     /// Linear radiance, row by row from the zenith.
     pub rgb: Vec<[f32; 3]>,
-    /// Light that was negative and became none, over all light (before solid angles).
+    /// Clamped negative light relative to all light, before weighting by solid angle.
     pub negative: f64,
-    /// Conversions and choices that its file needed.
+    /// Conversions and choices made while reading its file.
     file_warnings: Vec<String>,
-    /// Running sum over all pixels of what [`Self::sample`] draws them with.
+    /// Cumulative weights of all pixels for [`Self::sample`].
     running: Vec<f64>,
 }
 
 impl Environment {
-    /// Reads an OpenEXR or Radiance HDR picture, twice as wide as high; `layer` names one of several pictures of an OpenEXR file.
+    /// Reads an OpenEXR or Radiance HDR picture, twice as wide as high; `layer` selects one of several pictures of an
+    /// OpenEXR file.
     ///
-    /// Colours are converted to Rec. 709 primaries. Infinite radiance counts as the brightest finite one, pixels that are no number as
-    /// black. [`Self::warnings`] says so.
+    /// Colours are converted to Rec. 709 primaries. Infinite radiance is replaced by the brightest finite one, NaN by
+    /// black; [`Self::warnings`] reports it.
     ///
     /// # Errors
-    /// `Input` when the file cannot be read, is not twice as wide as high, is too large, has several pictures none of which is named, or
-    /// more than 1 % of its radiance is infinite or no number, or some is negative beyond noise.
+    /// `Input` if the file cannot be read, has another aspect ratio, is too large, or has several pictures and `layer`
+    /// names none of them. Also if more than 1 % of its radiance is infinite or NaN, or some is negative beyond noise.
     pub fn read(path: &Path, layer: Option<&str>) -> Result<Self> {
         let [width, height] = nacre_image::size(path)?;
         let refuse = |problem: String, remedy: &str| Err(Error::file(path, problem, remedy));
@@ -67,15 +70,16 @@ impl Environment {
         Ok(Self { file_warnings: warnings, ..Self::checked(&name, width, height, rgb)? })
     }
 
-    /// An environment of radiances, row by row from the zenith.
+    /// An environment from radiances, row by row from the zenith.
     ///
     /// # Errors
-    /// `Input` when there are none, too many, or not `width · height`, or one is no number, infinite or negative beyond noise.
+    /// `Input` for an empty or too large picture, for a number of values other than `width · height`, and for values
+    /// that are NaN, infinite or negative beyond noise.
     pub fn of(width: usize, height: usize, rgb: Vec<[f32; 3]>) -> Result<Self> {
         Self::checked("environment", width, height, rgb)
     }
 
-    /// The same radiance from everywhere; what is negative or no number counts as none.
+    /// Constant radiance in all directions; negative and NaN values count as 0.
     pub fn constant(rgb: [f32; 3]) -> Self {
         let rgb = rgb.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
         Self::tabled(4, 2, vec![rgb; 8])
@@ -111,7 +115,7 @@ impl Environment {
             row.iter_mut().enumerate().for_each(|(x, out)| *out = all.mean(x, y) * solid);
         });
         if weights.iter().sum::<f64>() <= 0.0 {
-            // A black environment is drawn evenly.
+            // A black environment is sampled uniformly.
             weights.iter_mut().enumerate().for_each(|(i, out)| *out = all.solid_angle(i / width));
         }
         let mut sum = 0.0;
@@ -123,14 +127,14 @@ impl Environment {
         environment
     }
 
-    /// What is to be said about it.
+    /// Warnings about the environment.
     pub fn warnings(&self) -> Vec<String> {
         let part = 100.0 * self.negative;
         let said = format!("radiance of the environment that is negative, {part:.2} % of its light, counts as none");
         self.file_warnings.iter().cloned().chain((self.negative > TOLD).then_some(said)).collect()
     }
 
-    /// Pixel of a column and a row that may lie beyond the edges: columns wrap, rows go on beyond the pole.
+    /// Pixel of a column and a row that may lie beyond the edges: columns wrap, rows continue across the pole.
     #[inline]
     fn pixel(&self, x: isize, y: isize) -> [f32; 3] {
         let (width, height) = (self.width as isize, self.height as isize);
@@ -142,7 +146,7 @@ impl Environment {
         self.rgb[(y * width + x.rem_euclid(width)) as usize]
     }
 
-    /// Mean over a pixel of what is interpolated there, summed over the channels.
+    /// Mean of the interpolated radiance over a pixel, summed over the channels.
     fn mean(&self, x: usize, y: usize) -> f64 {
         const ACROSS: [f64; 3] = [0.125, 0.75, 0.125];
         let mut sum = 0.0;
@@ -161,14 +165,14 @@ impl Environment {
         TAU / self.width as f64 * (edge(row) - edge(row + 1))
     }
 
-    /// Direction of a place of the picture, in pixels: (½, ½) is the centre of the first pixel.
+    /// Direction of a position in the picture, in pixels: (½, ½) is the centre of the first pixel.
     pub fn direction(&self, x: f64, y: f64) -> [f64; 3] {
         let (sin, cos) = (PI * y / self.height as f64).sin_cos();
         let azimuth = TAU * (0.5 - x / self.width as f64);
         [sin * azimuth.cos(), sin * azimuth.sin(), cos]
     }
 
-    /// Place of a direction in the picture, in pixels: (½, ½) is the centre of the first pixel.
+    /// Position of a direction in the picture, in pixels: (½, ½) is the centre of the first pixel.
     #[inline]
     pub fn place(&self, direction: [f64; 3]) -> [f64; 2] {
         let [x, y, z] = direction;
@@ -176,7 +180,7 @@ impl Environment {
         [(0.5 - y.atan2(x) / TAU) * self.width as f64, polar / PI * self.height as f64]
     }
 
-    /// Radiance from a direction (of any length but 0), interpolated between the centres of the pixels, across the poles as well.
+    /// Radiance from a direction (of any length but 0), interpolated between pixel centres, also across the poles.
     #[inline]
     pub fn radiance(&self, direction: [f64; 3]) -> [f32; 3] {
         let [x, y] = self.place(direction).map(|v| v - 0.5);
@@ -188,8 +192,8 @@ impl Environment {
         std::array::from_fn(|k| (1.0 - v) * ((1.0 - u) * a[k] + u * b[k]) + v * ((1.0 - u) * c[k] + u * d[k]))
     }
 
-    /// Direction for two numbers from 0 to 1, the radiance from there, and the density it is drawn with, per steradian: brighter pixels
-    /// are drawn more often, by their mean over the channels.
+    /// Importance sampling: direction for two numbers from 0 to 1, its radiance, and its probability density per
+    /// steradian. The density of a pixel is proportional to its mean over the channels.
     pub fn sample(&self, u: [f64; 2]) -> ([f64; 3], [f32; 3], f64) {
         let (width, height) = (self.width, self.height);
         let total = self.running[width * height - 1];
@@ -205,7 +209,7 @@ impl Environment {
         let down = ((wanted - begin) / (end - begin)).clamp(0.0, 1.0);
         let wanted = begin + u[0].clamp(0.0, 1.0) * (end - begin);
         let cells = &self.running[row * width..(row + 1) * width];
-        // The last pixel that has any weight takes what rounding leaves over.
+        // The last pixel with a positive weight receives the rounding remainder.
         let column = cells.partition_point(|c| *c <= wanted).min(cells.partition_point(|c| *c < end));
         let at = row * width + column;
         let along = ((wanted - until(at)) / (self.running[at] - until(at))).clamp(0.0, 1.0);
@@ -217,7 +221,7 @@ impl Environment {
         (direction, self.radiance(direction), (self.running[at] - until(at)) / (total * self.solid_angle(row)))
     }
 
-    /// Density per steradian that [`Self::sample`] draws a direction with.
+    /// Probability density per steradian of a direction in [`Self::sample`].
     pub fn density(&self, direction: [f64; 3]) -> f64 {
         let [x, y] = self.place(direction);
         let (x, y) = ((x as usize).min(self.width - 1), (y as usize).min(self.height - 1));
@@ -226,10 +230,10 @@ impl Environment {
         weight / (self.running[self.width * self.height - 1] * self.solid_angle(y))
     }
 
-    /// The environment turned about z, anticlockwise seen from above; exact for whole pixels, interpolated between them.
+    /// Rotates the environment about z, anticlockwise seen from above; exact for whole pixels, otherwise interpolated.
     pub fn turned(&self, azimuth: f64) -> Self {
         let shift = (azimuth / TAU).rem_euclid(1.0) * self.width as f64;
-        // What a hair is missing to a whole pixel is rounding.
+        // A tiny deviation from whole pixels is a rounding error.
         let shift = if (shift - shift.round()).abs() < 1e-9 { shift.round() } else { shift };
         let (whole, part) = (shift.floor() as isize, shift.fract() as f32);
         let mut rgb = vec![[0.0; 3]; self.rgb.len()];
@@ -242,7 +246,7 @@ impl Environment {
         Self::tabled(self.width, self.height, rgb)
     }
 
-    /// The environment with half as many columns and rows; the light from every part of the sphere stays what it was.
+    /// The environment at half resolution; the flux from every part of the sphere is preserved.
     pub fn halved(&self) -> Self {
         let [width, height] = [self.width, self.height].map(|n| (n / 2).max(1));
         let down = parts(self.height, height, |y| -(PI * y / self.height as f64).cos());
@@ -264,10 +268,10 @@ impl Environment {
     }
 }
 
-/// Replaces infinities and NaN of a few pixels, and says so.
+/// Replaces infinite and NaN values of a few pixels, and reports it.
 ///
 /// # Errors
-/// `Input` where there are too many.
+/// `Input` if there are too many.
 fn made_finite(name: &str, width: usize, rgb: &mut [[f32; 3]]) -> Result<Option<String>> {
     let bad = |pixel: &[f32; 3]| pixel.iter().any(|v| !v.is_finite());
     let count = rgb.iter().filter(|pixel| bad(pixel)).count();
@@ -301,7 +305,8 @@ fn made_finite(name: &str, width: usize, rgb: &mut [[f32; 3]]) -> Result<Option<
     Ok(Some(words.into_iter().flatten().collect::<Vec<_>>().join("; ")))
 }
 
-/// Which of `from` cells make up each of `to` cells, and what part of it by a growing measure of their edges.
+/// Overlaps between two divisions of an axis: for each of `to` cells, the indices of the overlapping `from` cells and
+/// their share, by an increasing measure of their edges.
 fn parts(from: usize, to: usize, measure: impl Fn(f64) -> f64) -> Vec<Vec<(usize, f64)>> {
     let step = from as f64 / to as f64;
     let cell = |k: usize| {

@@ -1,4 +1,5 @@
-//! Surfaces under light from all around: environments, the exact reflection of a table over half vectors, and faster ways to it.
+//! Surfaces under environment lighting: environments, exact reflection by a lookup table over half vectors, and faster
+//! methods.
 
 mod azimuth;
 mod correlation;

@@ -1,4 +1,4 @@
-//! An environment, reflected by a table of low rank in two passes.
+//! Two-pass reflection of an environment by a low-rank table.
 
 use super::factor::{Part, Term};
 use super::{Environment, Frame};
@@ -8,17 +8,18 @@ use pulp::Arch;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Columns of a block: that much of all intermediate pictures stays in the cache.
+/// Columns of a block, small enough that the intermediate pictures stay in the cache.
 const BLOCK: usize = 128;
 
-/// Reflection of an environment by surfaces that face each direction of a sphere, with the table's `grid.meridian` towards +z.
+/// Reflection of an environment by surfaces that face each direction of a sphere, with the table's `grid.meridian`
+/// towards +z.
 ///
-/// The first pass makes an intermediate picture per term and channel: at each direction light from along the great circle across the
-/// meridian, weighted with the term's curve. The second adds them up along the meridian, weighted with the other curve. What crosses a
-/// pole sees east in the west, and so takes the mirrored curve.
+/// The first pass computes an intermediate picture per term and channel: at each direction, the light along the great
+/// circle across the meridian, weighted by the term's curve. The second pass sums them along the meridian, weighted by
+/// the other curve. Beyond a pole east and west are exchanged, so the mirrored curve applies there.
 ///
 /// # Errors
-/// `Input` for an environment of an odd number of columns, in which nothing lies across the pole; `Cancelled`.
+/// `Input` for an environment with an odd number of columns, which has no opposite column across the pole; `Cancelled`.
 pub fn two_pass(environment: &Environment, part: &Part, progress: &dyn Progress) -> Result<Vec<[f32; 3]>> {
     let (width, height) = (environment.width, environment.height);
     if !width.is_multiple_of(2) {
@@ -57,13 +58,13 @@ pub fn two_pass(environment: &Environment, part: &Part, progress: &dyn Progress)
     Ok(out)
 }
 
-/// One channel of an environment; rows are there twice so that every shift is one piece.
+/// One channel of an environment; each row is stored twice, so that every shift is contiguous.
 struct Plane {
     width: usize,
     values: Vec<f32>,
 }
 
-/// Two neighbouring rows, each from a column on, and how they are weighted.
+/// Two neighbouring rows, each from a start column, with their weights.
 struct Tap {
     columns: [usize; 2],
     rows: [usize; 2],
@@ -71,12 +72,13 @@ struct Tap {
     weights: [f32; 4],
 }
 
-/// A curve across with its cells' width.
+/// A curve across the meridian, times the cell width.
 struct Curve {
     values: Vec<f32>,
-    /// First intermediate picture, and how many: a curve that is neither even nor odd needs another one for what crosses a pole.
+    /// Index of the first intermediate picture, and their number: a curve that is neither even nor odd needs a second
+    /// one beyond a pole.
     pictures: usize,
-    /// Factor of the mirrored curve's picture, if that is the same.
+    /// Factor of the mirrored curve's picture, if it is proportional.
     parity: f32,
 }
 
@@ -91,7 +93,7 @@ impl Curve {
     }
 }
 
-/// Where the light of each column of the grid comes from, seen from a row of the environment.
+/// Source pixels of each grid column, for a row of the environment.
 fn taps(part: &Part, width: usize, height: usize, y: usize) -> Vec<Tap> {
     let polar = PI * (y as f64 + 0.5) / height as f64;
     let tap = |i: usize| {
@@ -100,12 +102,12 @@ fn taps(part: &Part, width: usize, height: usize, y: usize) -> Vec<Tap> {
         let (sin, cos) = (polar - part.grid.lean(x)).sin_cos();
         let azimuth = x.atan2(across * sin);
         let row = x.hypot(across * sin).atan2(across * cos) / PI * height as f64 - 0.5;
-        // Azimuth grows to the left.
+        // Azimuth increases to the left.
         let column = (-azimuth / TAU * width as f64).rem_euclid(width as f64);
         let (left, top) = (column.floor(), row.floor());
         let (u, v) = ((column - left) as f32, (row - top) as f32);
         let (left, top, last) = (left as usize % width, top as isize, height as isize - 1);
-        // Beyond a pole rows go on across it.
+        // Beyond a pole, rows continue on the opposite side.
         let place = |row: isize| match row {
             r if r < 0 => ((left + width / 2) % width, 0),
             r if r > last => ((left + width / 2) % width, last as usize),
@@ -128,7 +130,7 @@ impl Plane {
         Self { width, values }
     }
 
-    /// One row of all intermediate pictures.
+    /// Computes one row of all intermediate pictures.
     #[inline(always)]
     fn across(&self, taps: &[Tap], curves: &[Curve], rows: &mut [f32]) {
         let width = self.width;
@@ -157,7 +159,7 @@ impl Plane {
     }
 }
 
-/// Weights of whole rows northwards: light between two rows counts for both.
+/// Weights of whole rows northwards; light between two rows is divided among them.
 fn steps(term: &Term, part: &Part, dy: f64, height: usize) -> Vec<(isize, f32)> {
     let place = |j: usize| part.grid.beta(j) / PI * height as f64;
     let least = place(0).floor() as isize;
@@ -173,7 +175,7 @@ fn steps(term: &Term, part: &Part, dy: f64, height: usize) -> Vec<(isize, f32)> 
     all.filter(|(_, w)| *w != 0.0).collect()
 }
 
-/// Intermediate pictures: rows, and in each all pictures.
+/// Intermediate pictures: rows, and in each row all pictures.
 struct Between<'a> {
     values: &'a [f32],
     pictures: usize,
@@ -182,7 +184,7 @@ struct Between<'a> {
 }
 
 impl Between<'_> {
-    /// One row of the result.
+    /// Computes one row of the result.
     #[inline(always)]
     fn along(&self, y: isize, curves: &[Curve], weights: &[Vec<(isize, f32)>], sum: &mut [f32]) {
         let (height, half) = (self.height as isize, self.width / 2);
@@ -215,8 +217,8 @@ impl Between<'_> {
     }
 }
 
-/// The environment as another frame sees it: its +z is the frame's bitangent, and the frame's normal lies in the middle of the picture. The
-/// first of the paper's rotation passes (2017 CVMP, section 5.2); [`turned_back`] is the second.
+/// The environment in another frame: +z becomes the frame's bitangent, and the normal lies at the centre of the
+/// picture. This is the first of the paper's rotation passes (2017 CVMP, section 5.2); [`turned_back`] is the second.
 ///
 /// # Errors
 /// As [`Environment::of`].
@@ -225,7 +227,7 @@ pub fn turned_to(environment: &Environment, frame: &Frame) -> Result<Environment
     Environment::of(environment.width, environment.height, resampled(environment, world))
 }
 
-/// What [`turned_to`] did, undone.
+/// Inverse of [`turned_to`].
 ///
 /// # Errors
 /// As [`Environment::of`].
@@ -246,9 +248,9 @@ fn resampled(environment: &Environment, from: impl Fn([f64; 3]) -> [f64; 3] + Sy
     (0..environment.rgb.len()).into_par_iter().map(pixel).collect()
 }
 
-/// Sets negative radiance to none.
+/// Clamps negative radiance to 0.
 ///
-/// Returns how much was negative, as a part of the largest.
+/// Returns the largest magnitude of negative radiance, relative to the maximum.
 pub fn clamped(rgb: &mut [[f32; 3]]) -> f64 {
     let values = rgb.as_flattened_mut();
     let (low, high) = values.iter().fold((0.0_f32, 0.0_f32), |(l, h), v| (l.min(*v), h.max(*v)));

@@ -7,22 +7,22 @@ use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
 use rayon::prelude::*;
 
-/// Cells along a side of the disc of direction cosines at most: the table and its transforms take a GiB.
+/// Maximum number of cells along a side of the disc of direction cosines: the table and its transforms then take 1 GiB.
 const MOST: usize = 1024;
 
-/// Parts of a cell in which its solid angle is summed up.
+/// Slices of a cell in the integration of its solid angle.
 const SLICES: usize = 16;
 
-/// Radiance that a flat sample reflects into each direction.
+/// Radiance reflected by a flat sample into each direction.
 pub struct Reflection {
     /// Cells along a side of the square of direction cosines from -1 to 1, x to the right, y upwards.
     pub size: usize,
-    /// Row by row from the top; 0 outside of the disc.
+    /// Row by row from the top; 0 outside the disc.
     pub rgb: Vec<[f32; 3]>,
 }
 
 impl Reflection {
-    /// Direction of a cell in the sample's frame; none outside of the disc.
+    /// Direction of a cell in the sample's frame; `None` outside the disc.
     pub fn direction(size: usize, i: usize) -> Option<[f64; 3]> {
         let [x, y] = [i % size, size - 1 - i / size].map(|k| cosine(size, k));
         let square = x * x + y * y;
@@ -30,13 +30,13 @@ impl Reflection {
     }
 }
 
-/// Light of the cells of the disc: direction, and radiance times solid angle; `y` grows with the row here.
+/// Light of the cells of the disc: direction, and radiance times solid angle. Here `y` increases with the row.
 pub(super) fn cells(environment: &Environment, frame: &Frame, size: usize) -> Vec<Option<([f64; 3], [f64; 3])>> {
     let step = 2.0 / size as f64;
     let cell = |i: usize| {
         let [x, y] = [i % size, i / size].map(|k| cosine(size, k));
         let solid = solid_angle([x, y], [step; 2], SLICES);
-        // A cell on the rim stands for its part above the horizon.
+        // A cell on the rim represents its part above the horizon.
         let length = x.hypot(y).max(1.0) * (1.0 + 1e-9);
         let [x, y] = [x, y].map(|v| if length > 1.0 + 1e-8 { v / length } else { v });
         let light = [x, y, (1.0 - x * x - y * y).max(0.0).sqrt()];

@@ -1,11 +1,12 @@
-//! Environments that are filtered beforehand and looked up in the mirror's direction (2017 TOG, section 6.2).
+//! Prefiltered environments, evaluated in the mirror direction (2017 TOG, section 6.2).
 
 use super::reference::dot;
 use super::{Environment, Frame};
 
-/// Radiance that a surface reflects towards `view`, from an environment that was filtered for surfaces that face its directions
-/// ([`two_pass`](super::two_pass) or [`facing`](super::facing)). It is exact for `view` along the normal. `corrected` multiplies by cos³ θ, which
-/// `(1 + ωi·ωo)² / cos θo` falls with towards grazing angles in the mirror's direction; the paper does not.
+/// Radiance reflected towards `view`, from an environment prefiltered for surfaces that face its directions
+/// ([`two_pass`](super::two_pass) or [`facing`](super::facing)). It is exact for `view` along the normal. `corrected`
+/// multiplies by cos³ θ, the decrease of `(1 + ωi·ωo)² / cos θo` in the mirror direction towards grazing angles; the
+/// paper omits it.
 pub fn prefiltered(filtered: &Environment, frame: &Frame, view: [f64; 3], corrected: bool) -> [f32; 3] {
     let cos = dot(frame.normal, view);
     if cos <= 0.0 {

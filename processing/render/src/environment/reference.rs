@@ -1,16 +1,16 @@
-//! The full hemispherical integral, without any shortcut: what every faster way is measured against.
+//! The full hemispherical integral without approximations: the reference for every faster method.
 
 use super::{Environment, Table};
 use rayon::prelude::*;
 
-/// Axes of a surface: right, up and out of it, at right angles, of length 1.
+/// Orthonormal axes of a surface: right, up and normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// To the right in the table.
     pub tangent: [f64; 3],
     /// Upwards in the table.
     pub bitangent: [f64; 3],
-    /// Out of the surface.
+    /// Surface normal.
     pub normal: [f64; 3],
 }
 
@@ -24,8 +24,8 @@ impl Frame {
     /// A sample in the x-y plane, seen from +z.
     pub const FLAT: Self = Self { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], normal: [0.0, 0.0, 1.0] };
 
-    /// The surface that faces a direction on a sphere whose direction at this angle of the table (radians, anticlockwise from its right)
-    /// lies along the meridians, towards +z.
+    /// The surface that faces a direction on a sphere. The table's direction at the angle `meridian` (radians,
+    /// anticlockwise from its right) lies along the meridians, towards +z.
     pub fn facing(direction: [f64; 3], meridian: f64) -> Self {
         let [x, y, z] = direction;
         let across = x.hypot(y);
@@ -36,33 +36,34 @@ impl Frame {
         Self { tangent: sum(c, s), bitangent: sum(s, -c), normal: direction }
     }
 
-    /// A direction in this frame.
+    /// Transforms a direction from the world to this frame.
     #[inline]
     pub fn local(&self, direction: [f64; 3]) -> [f64; 3] {
         [dot(direction, self.tangent), dot(direction, self.bitangent), dot(direction, self.normal)]
     }
 
-    /// A direction of this frame in the world.
+    /// Transforms a direction from this frame to the world.
     #[inline]
     pub fn world(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| x * self.tangent[k] + y * self.bitangent[k] + z * self.normal[k])
     }
 }
 
-/// What `f_r cos θi` is made of besides the table, for directions in the surface's frame: `(1 + ωi·ωo)² / cos θo`, and none from below.
+/// Factor of `f_r cos θi` besides the table, `(1 + ωi·ωo)² / cos θo`, for directions in the surface's frame; 0 below
+/// the surface.
 #[inline]
 pub fn geometry(light: [f64; 3], view: [f64; 3]) -> f64 {
     if light[2] <= 0.0 || view[2] <= 0.0 { 0.0 } else { (1.0 + dot(light, view)).powi(2) / view[2] }
 }
 
-/// An environment as many small lights.
+/// An environment as point sources.
 pub struct Lights {
     /// Direction, and radiance times solid angle.
     lights: Vec<([f64; 3], [f64; 3])>,
 }
 
 impl Lights {
-    /// As many lights per pixel along either side as said, of equal solid angle within a pixel's row.
+    /// `fineness` point sources along each side of a pixel, of equal solid angle within a row.
     pub fn new(environment: &Environment, fineness: usize) -> Self {
         let fineness = fineness.max(1);
         let (width, height) = (environment.width * fineness, environment.height * fineness);
@@ -71,7 +72,7 @@ impl Lights {
         let edge = |y: usize| (std::f64::consts::PI * y as f64 / height as f64).cos();
         let row = |y: usize| {
             let solid = solid * (edge(y) - edge(y + 1));
-            // The mean height of the ring is that of its centroid, so that a constant sky lights a plane exactly.
+            // The mean height of the ring is that of its centroid, so that a constant sky illuminates a plane exactly.
             let polar = (0.5 * (edge(y) + edge(y + 1))).acos() / std::f64::consts::PI * environment.height as f64;
             (0..width).into_par_iter().map(move |x| {
                 let direction = environment.direction((x as f64 + 0.5) / fine, polar);
@@ -82,8 +83,8 @@ impl Lights {
         Self { lights }
     }
 
-    /// Radiance that a surface reflects towards `view` (world), for `f_r cos θi` as a function of the directions of light and view in the
-    /// surface's frame.
+    /// Radiance reflected towards `view` (world), for `f_r cos θi` as a function of the directions of light and view in
+    /// the surface's frame.
     pub fn reflected(&self, frame: &Frame, view: [f64; 3], brdf: impl Fn([f64; 3], [f64; 3]) -> [f64; 3]) -> [f64; 3] {
         let view = frame.local(view);
         let mut sum = [0.0; 3];
@@ -100,7 +101,7 @@ impl Lights {
         sum
     }
 
-    /// The same of a table.
+    /// Radiance reflected towards `view` by a lookup table.
     pub fn by_table(&self, table: &Table, frame: &Frame, view: [f64; 3]) -> [f64; 3] {
         self.reflected(frame, view, |light, view| {
             let h = [light[0] + view[0], light[1] + view[1]];
@@ -113,7 +114,7 @@ impl Lights {
     }
 }
 
-/// Root mean square of differences over the mean of the reference, over all channels.
+/// Root mean square difference over all channels, relative to the mean of the reference.
 pub fn normalized_error(found: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
     let (mut square, mut sum) = (0.0, 0.0);
     for (f, r) in found.as_flattened().iter().zip(reference.as_flattened()) {

@@ -1,12 +1,12 @@
-//! Monte Carlo integration with multiple importance sampling: for any table, any view, any environment.
+//! Monte Carlo integration with multiple importance sampling, for any table, view and environment.
 
 use super::{Environment, Frame, Table, geometry};
 use std::f64::consts::TAU;
 
-/// Draws half vectors by a table's light.
+/// Samples half vectors in proportion to a table's entries.
 pub struct Sampler<'a> {
     table: &'a Table,
-    /// Running sum of the entries' light.
+    /// Cumulative sum over the entries.
     running: Vec<f64>,
 }
 
@@ -15,12 +15,12 @@ pub struct Sampler<'a> {
 pub struct Estimate {
     /// Radiance.
     pub radiance: [f64; 3],
-    /// Standard error of it.
+    /// Standard error of the radiance.
     pub error: [f64; 3],
 }
 
 impl<'a> Sampler<'a> {
-    /// Sums up a table.
+    /// Prepares the cumulative sum of a table.
     pub fn new(table: &'a Table) -> Self {
         let light = |p: &[f32; 3]| p.iter().map(|v| f64::from(v.max(0.0))).sum::<f64>();
         let mut sum = 0.0;
@@ -41,7 +41,7 @@ impl<'a> Sampler<'a> {
         [x, y].map(|v| v * cell - self.table.extent)
     }
 
-    /// Density per unit of half vectors.
+    /// Density per unit area of half vectors.
     fn density(&self, h: [f64; 2]) -> f64 {
         let size = self.table.size;
         let place = |v: f64| (v + self.table.extent) / self.table.cell();
@@ -56,8 +56,8 @@ impl<'a> Sampler<'a> {
         light / (total * self.table.cell().powi(2))
     }
 
-    /// Radiance reflected towards `view`: `pairs` directions drawn by the environment's light and as many by the table's, each weighted by
-    /// the balance heuristic (Veach and Guibas 1995). The same seed gives the same estimate.
+    /// Radiance reflected towards `view`. `pairs` directions are drawn from the environment and as many from the table,
+    /// weighted by the balance heuristic (Veach and Guibas 1995). The same seed gives the same estimate.
     pub fn reflected(
         &self,
         environment: &Environment,
@@ -77,7 +77,8 @@ impl<'a> Sampler<'a> {
                 return [0.0; 3];
             }
             let h = [light[0] + view[0], light[1] + view[1]];
-            // A density over half vectors is one over the tangential part of ωi, which is cos θi of a solid angle.
+            // A density over half vectors is a density over the tangential part of ωi; the factor cos θi converts it to
+            // solid angle.
             let density = environment.density(world) + self.density(h) * light[2];
             let factor = geometry(light, view) / density.max(f64::MIN_POSITIVE);
             let s = self.table.at(h);
@@ -111,7 +112,7 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Five numbers that fill the unit cube evenly (Roberts' sequence, shifted by the seed).
+/// Low-discrepancy points in the five-dimensional unit cube (Roberts' sequence, shifted by the seed).
 fn evenly(k: usize, seed: u64) -> [f64; 5] {
     // The positive root of x⁶ = x + 1.
     const ROOT: f64 = 1.134_724_138_401_519_5;

@@ -1,32 +1,32 @@
-//! Tables over half vectors, as `nacre reconstruct lut` writes them.
+//! Lookup tables over half vectors, as written by `nacre reconstruct lut`.
 
 use nacre_base::{Error, Result};
 use nacre_image::read_exr;
 use nacre_optics::color::linear_srgb;
 use std::path::Path;
 
-/// Entries along a side of the smallest and the largest table.
+/// Smallest and largest number of entries along a side.
 const SIZES: std::ops::RangeInclusive<usize> = 4..=4096;
 
-/// A diffraction table `S_d` over the tangential part of `h = ωi + ωo`, in linear sRGB. With it a surface reflects
-/// `f_r = (1 + ωi·ωo)² / (cos θi cos θo) · S_d(h)` (2017 TOG, Eq. 9): the factor `4π² F²` is taken to be in the table.
+/// A lookup table `S_d` over the tangential part of `h = ωi + ωo`, in linear sRGB. A surface then reflects
+/// `f_r = (1 + ωi·ωo)² / (cos θi cos θo) · S_d(h)` (2017 TOG, Eq. 9); the factor `4π² F²` is included in the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// Entries along a side.
     pub size: usize,
     /// Largest component of `h`: entries are the centres of `size` cells from `-extent` to `extent`.
     pub extent: f64,
-    /// Row by row; `h` grows to the right and upwards, so that the first row is the uppermost.
+    /// Row by row; `h` increases to the right and upwards, so the first row is the uppermost.
     pub rgb: Vec<[f32; 3]>,
-    /// Part of the entries that were not measured and count as dark.
+    /// Fraction of unmeasured entries, which count as dark.
     pub unknown: f64,
 }
 
 impl Table {
-    /// A table of entries that are given.
+    /// A table from given entries.
     ///
     /// # Errors
-    /// `Input` for sizes, an extent or entries that make no table.
+    /// `Input` for invalid sizes, extents or entries.
     pub fn of(size: usize, extent: f64, rgb: Vec<[f32; 3]>) -> Result<Self> {
         Self::checked("table", size, extent, rgb)
     }
@@ -52,7 +52,7 @@ impl Table {
         Ok(Self { size, extent, rgb, unknown })
     }
 
-    /// A table of a function of `h`.
+    /// A table sampled from a function of `h`.
     ///
     /// # Errors
     /// As [`Self::of`].
@@ -68,10 +68,10 @@ impl Table {
         Self::of(size, extent, (0..size * size).map(at).collect())
     }
 
-    /// Reads the `lut.exr` of `nacre reconstruct lut`; a warped one is made even.
+    /// Reads the `lut.exr` of `nacre reconstruct lut`; a warped table is resampled to equidistant entries.
     ///
     /// # Errors
-    /// `Input`, which names the file, when it is no such table.
+    /// `Input`, which names the file, if it is not such a table.
     pub fn read(path: &Path) -> Result<Self> {
         let Lut { size, extent, warp, rgb, unknown, .. } = Lut::read(path)?;
         let table = Self { size, extent, rgb, unknown };
@@ -88,7 +88,7 @@ impl Table {
         2.0 * self.extent / self.size as f64
     }
 
-    /// Value at a half vector, interpolated between the centres of the cells; outside of the table there is none.
+    /// Value at a half vector, interpolated between cell centres; 0 outside the table.
     #[inline]
     pub fn at(&self, [x, y]: [f64; 2]) -> [f32; 3] {
         if !(x.abs() <= self.extent && y.abs() <= self.extent) {
@@ -105,30 +105,30 @@ impl Table {
     }
 }
 
-/// What to give instead of a table that is none.
+/// Remedy for files that are not a lookup table.
 pub(crate) const LUT_REMEDY: &str = "give the lut.exr of `nacre reconstruct lut`";
 
-/// A `lut.exr` as it was written.
+/// A `lut.exr` as written.
 pub(crate) struct Lut {
     pub size: usize,
     pub extent: f64,
-    /// Entries are even in the `warp`-th root of the half vector over the extent.
+    /// Entries are equidistant in the `warp`-th root of the half vector over the extent.
     pub warp: f64,
-    /// Of the light under which the entries are.
+    /// Name of the illuminant of the entries.
     pub illuminant: String,
-    /// X, Y and Z of what is white under it, where the table says so.
+    /// X, Y and Z of white under the illuminant, if the table contains it.
     pub white: Option<[f64; 3]>,
-    /// Linear sRGB; what is not known is dark.
+    /// Linear sRGB; unknown entries are dark.
     pub rgb: Vec<[f32; 3]>,
-    /// Part of the entries that is not known.
+    /// Fraction of unknown entries.
     pub unknown: f64,
 }
 
 impl Lut {
-    /// Reads and checks one.
+    /// Reads and checks a lookup table.
     ///
     /// # Errors
-    /// `Input`, which names the file, when it is none.
+    /// `Input`, which names the file, if it is not a lookup table.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let mut map = read_exr(path)?;
         let refuse = |problem: String| Err(Error::file(path, problem, LUT_REMEDY));

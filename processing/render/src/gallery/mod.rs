@@ -1,4 +1,4 @@
-//! Scenes to start from, with maps made by formulas.
+//! Example scenes, with maps from formulas.
 
 mod patterns;
 mod shapes;
@@ -13,13 +13,13 @@ use shapes::{room, snake};
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// Pixels along a side of the maps.
+/// Side of the maps in pixels.
 const MAP: usize = 1024;
 
-/// Orientation (rad) and period (µm) at a place (u, v); none where nothing diffracts.
+/// Orientation (rad) and period (µm) at a position (u, v); `None` where nothing diffracts.
 type Pattern = fn(f64, f64) -> Option<[f64; 2]>;
 
-/// Maps by their names.
+/// Names and maps.
 const PATTERNS: [(&str, Pattern); 6] = [
     ("star-paper", star_paper),
     ("kinematic-tile", kinematic),
@@ -29,23 +29,23 @@ const PATTERNS: [(&str, Pattern); 6] = [
     ("scales", scales),
 ];
 
-/// Scenes to start from; each is there under small lights and, as `NAME-room`, in an environment.
+/// Names of the example scenes, each with small lights and, as `NAME-room`, in an environment.
 pub const GALLERY: [&str; 10] =
     ["cd", "phone", "tv", "star-paper", "kinematic-tile", "logo", "emblem", "spiral-foil", "rolled", "snake"];
 
-/// Writes all scenes to start from into a folder; their names.
+/// Writes all example scenes into a folder; returns their names.
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn gallery(folder: &OutputFolder) -> Result<Vec<String>> {
     let names = GALLERY.into_iter().flat_map(|name| [name.to_owned(), format!("{name}-room")]);
     names.map(|name| gallery_scene(folder, &name).map(|()| name)).collect()
 }
 
-/// Writes the snake with a measured skin, under lamps and in a room; their names.
+/// Writes the snake with a measured skin, under lamps and in a room; returns their names.
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn gallery_skin(folder: &OutputFolder, skin: &HeightField) -> Result<[&'static str; 2]> {
     write_height(&folder.path("skin.exr"), None, skin)?;
     folder.write("snake.obj", snake().as_bytes())?;
@@ -58,10 +58,10 @@ pub fn gallery_skin(folder: &OutputFolder, skin: &HeightField) -> Result<[&'stat
     Ok(["snake-measured", "snake-measured-room"])
 }
 
-/// Writes a scene to start from, and the files that it names, into a folder.
+/// Writes an example scene and its files into a folder.
 ///
 /// # Errors
-/// `Input` for names that no scene has; `Output` when the system refuses.
+/// `Input` for unknown names; `Output` if the system refuses.
 pub fn gallery_scene(folder: &OutputFolder, name: &str) -> Result<()> {
     let (sample, camera, in_room) = match name.strip_suffix("-room") {
         Some(sample) => (sample, LEANING, true),
@@ -97,10 +97,10 @@ pub fn gallery_scene(folder: &OutputFolder, name: &str) -> Result<()> {
     folder.write(&format!("{name}.toml"), format!("{camera}{shape}{material}{light}").as_bytes())
 }
 
-/// A scene of a sheet with the maps, or else the table, that lie in its folder; none where neither does.
+/// A scene of a sheet with the maps, or the lookup table, of its folder; `None` if the folder has neither.
 ///
 /// # Errors
-/// `Input` for maps that are none.
+/// `Input` for invalid maps.
 pub fn scene_of_maps(folder: &Path) -> Result<Option<String>> {
     let there = |name: &str| folder.join(name).is_file();
     let (mut size, material) = match (there("orientation.exr"), there("period.exr"), there("lut.exr")) {
@@ -300,7 +300,7 @@ reflectance = \"aluminium\"
     )
 }
 
-/// Writes a pattern as orientation.exr and period.exr in a folder of its own.
+/// Writes a pattern as orientation.exr and period.exr in a subfolder.
 fn maps(folder: &OutputFolder, name: &str, pattern: Pattern) -> Result<()> {
     if folder.path(name).exists() {
         return Ok(());
@@ -315,7 +315,7 @@ fn maps(folder: &OutputFolder, name: &str, pattern: Pattern) -> Result<()> {
                 let value =
                     || found.map_or(f32::NAN, |v| if k == 0 { v[0].rem_euclid(PI) as f32 } else { v[1] as f32 });
                 *out = if c == 0 { value() } else { f32::from(u8::from(found.is_some())) };
-                // An orientation just below π may round to it.
+                // An orientation just below π may round up to it.
                 if c == 0 && k == 0 && *out >= std::f32::consts::PI {
                     *out = 0.0;
                 }

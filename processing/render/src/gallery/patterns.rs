@@ -1,14 +1,15 @@
-//! Patterns of gratings by formulas, for scenes to start from: orientation (rad) and period (µm) at a place (u, v); none where nothing diffracts.
+//! Grating patterns from formulas, for example scenes: orientation (rad) and period (µm) at a position (u, v); `None`
+//! where nothing diffracts.
 
 use nacre_base::random::Stream;
 use std::f64::consts::{PI, TAU};
 
-/// A number from 0 to 1 that belongs to a cell.
+/// A pseudo-random number from 0 to 1 for a cell.
 fn chance(x: i64, y: i64, what: usize) -> f64 {
     Stream::new((x as usize).wrapping_mul(0x1_0001).wrapping_add(y as usize), what).next()
 }
 
-/// The nearest of points by chance, one in each cell of a grid: its cell and place.
+/// Cell of the nearest of random points, one per cell of a grid (Voronoi).
 fn nearest(u: f64, v: f64, cells: f64) -> [i64; 2] {
     let (x, y) = (u * cells, v * cells);
     let mut best = (f64::INFINITY, [0; 2]);
@@ -26,7 +27,7 @@ fn nearest(u: f64, v: f64, cells: f64) -> [i64; 2] {
     best.1
 }
 
-/// Holographic paper: polygons of twelve orientations, with stars of four points between them.
+/// Holographic paper: polygons of twelve orientations, with four-pointed stars between them.
 pub(crate) fn star_paper(u: f64, v: f64) -> Option<[f64; 2]> {
     let [x, y] = nearest(u, v, 12.0);
     let angle = (chance(x, y, 3) * 12.0).floor() * PI / 12.0;
@@ -38,7 +39,7 @@ pub(crate) fn star_paper(u: f64, v: f64) -> Option<[f64; 2]> {
     Some([angle, 1.6])
 }
 
-/// A kinematic tile: rings of sectors whose orientation turns from one to the next, so that light runs around when it is tilted.
+/// A kinematic tile: rings of sectors with increasing orientation, so that reflections rotate when it is tilted.
 pub(crate) fn kinematic(u: f64, v: f64) -> Option<[f64; 2]> {
     let (x, y) = ((u * 3.0).fract() - 0.5, (v * 3.0).fract() - 0.5);
     let (radius, angle) = (x.hypot(y), y.atan2(x));
@@ -50,7 +51,7 @@ pub(crate) fn kinematic(u: f64, v: f64) -> Option<[f64; 2]> {
     Some([sector * PI / (3.0 + 2.0 * ring) + ring * PI / 8.0, 1.2 + 0.12 * ring])
 }
 
-/// The letters of a name, each of a few orientations, on a ground of another one.
+/// The letters of a name, each of a few orientations, on a background of another orientation.
 pub(crate) fn logo(u: f64, v: f64) -> Option<[f64; 2]> {
     // Five by seven pixels each.
     const LETTERS: [[u8; 7]; 5] = [
@@ -71,7 +72,7 @@ pub(crate) fn logo(u: f64, v: f64) -> Option<[f64; 2]> {
     Some([ray * PI / 12.0, 1.7])
 }
 
-/// An emblem: a shield of concentric outlines and a star in it, on plain foil.
+/// An emblem: a shield of concentric outlines with a star, on plain foil.
 pub(crate) fn emblem(u: f64, v: f64) -> Option<[f64; 2]> {
     let (x, y) = ((u - 0.5) * 2.2, (v - 0.52) * 2.2);
     let shield = if y > 0.0 { x.abs().max(y) } else { (x.abs() + 0.35 * y * y).hypot(0.75 * y) };
@@ -90,7 +91,7 @@ pub(crate) fn emblem(u: f64, v: f64) -> Option<[f64; 2]> {
     None
 }
 
-/// Dots by chance, whose orientation turns with the distance from the middle: a spiral of light.
+/// Random dots whose orientation rotates with the distance from the centre: a spiral of light.
 pub(crate) fn spiral_foil(u: f64, v: f64) -> Option<[f64; 2]> {
     let [x, y] = nearest(u, v, 120.0);
     let (p, q) = (x as f64 / 120.0 - 0.5, y as f64 / 120.0 - 0.5);
@@ -98,9 +99,9 @@ pub(crate) fn spiral_foil(u: f64, v: f64) -> Option<[f64; 2]> {
     Some([q.atan2(p) + 7.0 * p.hypot(q) + spread, 1.3 + 0.5 * chance(x, y, 7)])
 }
 
-/// Fingers on a snake's scale: rows across it, bent, a µm apart; the skin between scales does not diffract.
+/// Ridges on a snake's scale: curved rows across it, 1 µm apart; the skin between scales does not diffract.
 pub(crate) fn scales(u: f64, v: f64) -> Option<[f64; 2]> {
-    // Rhombs: two lattices of scales, one shifted by half.
+    // Rhombs: two lattices of scales, one shifted by half a period.
     let (mut x, mut y) = (u - 0.5, v - 0.5);
     if x.abs() + y.abs() > 0.5 {
         x -= 0.5_f64.copysign(x);

@@ -1,11 +1,11 @@
-//! A mesh and an environment for scenes to start from.
+//! A mesh and an environment for example scenes.
 
 use nacre_base::Result;
 use nacre_image::{OutputFolder, write_exr};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 
-/// A snake that winds around itself: a tube around a spiral, with (u, v) along and around it, as OBJ.
+/// A coiled snake as OBJ: a tube around a spiral, with u along and v around it.
 pub(crate) fn snake() -> String {
     const ALONG: usize = 480;
     const AROUND: usize = 48;
@@ -26,7 +26,7 @@ pub(crate) fn snake() -> String {
         let along = unit(sub(middle(t + 1e-4), middle(t - 1e-4)));
         let right = unit(cross(along, [0.0, 0.0, 1.0]));
         let up = cross(right, along);
-        // Thin at the tail, a head at the other end.
+        // Thin at the tail, with a head at the other end.
         let tail = (t * 4.0).min(1.0).powf(0.7);
         let head = if t > 0.93 { 1.0 + 0.35 * (PI * (t - 0.93) / 0.07).sin() } else { 1.0 };
         let nose = ((1.0 - t) * 60.0).clamp(0.02, 1.0).sqrt();
@@ -49,14 +49,14 @@ pub(crate) fn snake() -> String {
     text
 }
 
-/// A room as an environment: dim walls, a window, a strip of lamps at the ceiling and a lamp in the corner.
+/// Environment of a room: dim walls, a window, a strip of lamps at the ceiling and a lamp in the corner.
 pub(crate) fn room(folder: &OutputFolder) -> Result<()> {
     const WIDTH: usize = 512;
     const HEIGHT: usize = 256;
     let radiance = |x: usize, y: usize| -> [f32; 3] {
         let azimuth = (0.5 - (x as f64 + 0.5) / WIDTH as f64) * 360.0;
         let height = 90.0 - (y as f64 + 0.5) / HEIGHT as f64 * 180.0;
-        // How far within a box of angles, softened over a degree.
+        // Membership of a box of angles, with edges softened over a degree.
         let within = |a: f64, half: f64, b: f64, tall: f64| {
             let d = (azimuth - a + 540.0).rem_euclid(360.0) - 180.0;
             let edge = |v: f64| (0.5 + v).clamp(0.0, 1.0);

@@ -1,6 +1,7 @@
-//! Alias tables, by which shaders draw an index in proportion to its share.
+//! Alias tables, from which shaders draw an index in proportion to its share.
 
-/// Of shares whose mean is 1, by number: how much of it stays, and which one the rest goes to (Walker 1977; Vose 1991).
+/// Alias table for shares of mean 1: per index, the probability to keep it, and the alternative index (Walker 1977;
+/// Vose 1991).
 pub(super) fn draws(mut shares: Vec<f64>) -> Vec<(f64, usize)> {
     let mut found: Vec<(f64, usize)> = (0..shares.len()).map(|k| (1.0, k)).collect();
     let (mut poor, mut rich): (Vec<usize>, Vec<usize>) = (0..shares.len()).partition(|k| shares[*k] < 1.0);

@@ -1,13 +1,13 @@
-//! A graphics card, without a window.
+//! Rendering on a graphics card, without a window.
 
 use super::{Prepared, SHADER, Texture};
 use std::sync::mpsc;
 use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
 
-/// Bytes of a pixel of the picture.
+/// Bytes per pixel of the picture.
 const PIXEL: u64 = 16;
 
-/// Uniforms that do not change while a scene is rendered, as shaders read them.
+/// Uniforms that are constant while a scene is rendered, with the shader expressions that read them.
 const SETTLED: [(&str, &str, usize); 4] = [
     ("scene.what.x", "what", 0),
     ("scene.what.y", "what", 1),
@@ -15,8 +15,9 @@ const SETTLED: [(&str, &str, usize); 4] = [
     ("scene.sky_x.w", "sky_x", 3),
 ];
 
-/// Adds a sample to the sums of pixels, each by the shaders' `drawn`. Not as a picture of triangles: a card for servers took 5 to 50 times as long for
-/// these (docs/validation/graphics-cards.md), and sums need not leave the card for each sample.
+/// Adds a sample, computed by the shaders' `drawn`, to the sums of the pixels. A compute shader is used because drawing
+/// triangles took a server card 5 to 50 times as long (docs/validation/graphics-cards.md). The sums also stay on the
+/// card between samples.
 const ADDS: &str = "
 struct Area {
     first: vec2<u32>,
@@ -35,34 +36,34 @@ fn add(@builtin(global_invocation_id) id: vec3<u32>) {
     picture[at.y * area.width + at.x] += drawn(vec2<f32>(at));
 }";
 
-/// Samples that are given to a card before it is waited for.
+/// Samples queued before waiting for the card.
 const AHEAD: usize = 256;
 
-/// Pixels along a side of what a group of the shader draws.
+/// Pixels along a side of a workgroup.
 const GROUP: u32 = 8;
 
 /// Bytes of an `Area`.
 const AREA: u64 = 32;
 
-/// A scene on a card.
+/// A scene on a graphics card.
 pub(in super::super) struct Card {
     device: wgpu::Device,
     queue: wgpu::Queue,
     name: String,
     software: bool,
-    /// Shaders before what is settled is put into them.
+    /// Shader source before constants are substituted.
     shader: String,
     program: Program,
     loaded: Loaded,
 }
 
-/// Shaders as they are compiled: the same for all scenes that settle the same.
+/// Compiled shaders, shared by all scenes with the same constants.
 struct Program {
     text: String,
     pipeline: wgpu::ComputePipeline,
 }
 
-/// What is one scene's.
+/// Resources of one scene.
 struct Loaded {
     prepared: Prepared,
     uniforms: wgpu::Buffer,
@@ -73,7 +74,7 @@ struct Loaded {
     groups: [wgpu::BindGroup; 2],
 }
 
-/// The best card there is, or why there is none.
+/// The best available card, or the reason why there is none.
 fn adapter() -> Result<wgpu::Adapter, String> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
     let wanted = wgpu::RequestAdapterOptions {
@@ -88,12 +89,13 @@ fn called(info: &wgpu::AdapterInfo) -> String {
     format!("{} ({})", info.name, info.backend)
 }
 
-/// What the best card is called and how it is reached, or why there is none.
+/// Name and backend of the best card, or the reason why there is none.
 pub(in super::super) fn name() -> Result<String, String> {
     adapter().map(|adapter| called(&adapter.get_info()))
 }
 
-/// Says why a card does not take a scene: sums are too long for software, or a texture or the picture is too large.
+/// Checks whether a card can render a scene: sums may be too long for a software renderer, and a texture or the picture
+/// too large.
 fn fits(device: &wgpu::Device, name: &str, software: bool, prepared: &Prepared) -> Result<(), String> {
     if software && prepared.too_long_for_software() {
         return Err(format!("{name} is software that ends long sums early, as this scene takes"));
@@ -117,7 +119,7 @@ fn picture_bytes([width, height]: [usize; 2]) -> u64 {
     (width as u64).saturating_mul(height as u64).saturating_mul(PIXEL)
 }
 
-/// What is made on a card, or the error that it gives.
+/// Creates resources on a card, and returns the card's error if one occurs.
 fn caught<T>(device: &wgpu::Device, name: &str, make: impl FnOnce() -> T) -> Result<T, String> {
     let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
     let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -142,19 +144,19 @@ fn descriptor(t: &Texture) -> wgpu::TextureDescriptor<'static> {
     }
 }
 
-/// Shaders with numbers in place of what is settled, so that compilers leave out what is not this scene's.
+/// Substitutes constants into the shaders, so that compilers remove code that this scene does not need.
 fn settled(prepared: &Prepared, shader: &str) -> String {
     let number = |name: &str, k: usize| format!("{:?}", prepared.value(name)[k]);
     SETTLED.iter().fold(shader.to_owned(), |text, (read, name, k)| text.replace(read, &number(name, *k)))
 }
 
 impl Card {
-    /// The best card there is, with a scene on it; or why there is none.
+    /// Loads a scene onto the best card, or returns the reason why that is not possible.
     pub(in super::super) fn new(prepared: Prepared) -> Result<Self, String> {
         Self::with(prepared, SHADER)
     }
 
-    /// The same with other shaders, which say what is `drawn` at a pixel.
+    /// As [`Self::new`], with other shaders that define `drawn` at a pixel.
     pub(in super::super) fn with(prepared: Prepared, shader: &str) -> Result<Self, String> {
         let adapter = adapter()?;
         let info = adapter.get_info();
@@ -167,7 +169,7 @@ impl Card {
         let wanted = wgpu::DeviceDescriptor { required_limits: limits, ..wgpu::DeviceDescriptor::default() };
         let (device, queue) =
             pollster::block_on(adapter.request_device(&wanted)).map_err(|e| format!("{} refuses: {e}", info.name))?;
-        // Without this, wgpu ends the program on an error; each of ours is asked for below.
+        // Without this handler wgpu aborts on an error; errors of each call are checked below.
         device.on_uncaptured_error(std::sync::Arc::new(|_| ()));
         let (name, software) = (called(&info), info.device_type == wgpu::DeviceType::Cpu);
         fits(&device, &name, software, &prepared)?;
@@ -179,7 +181,7 @@ impl Card {
         Ok(Self { device, queue, name, software, shader: shader.to_owned(), program, loaded })
     }
 
-    /// Puts another scene in place of the one it has; shaders are compiled anew only if they are others. The card keeps what it had if this fails.
+    /// Replaces the scene. Shaders are recompiled only if they differ. On failure the previous scene is kept.
     pub(in super::super) fn load(&mut self, prepared: Prepared) -> Result<(), String> {
         fits(&self.device, &self.name, self.software, &prepared)?;
         let text = settled(&prepared, &self.shader);
@@ -197,22 +199,22 @@ impl Card {
         Ok(())
     }
 
-    /// What it is called, and how it is reached.
+    /// Name and backend of the card.
     pub(in super::super) fn name(&self) -> &str {
         &self.name
     }
 
-    /// Whether it is software that stands in for a card.
+    /// Whether the adapter is a software renderer.
     pub(in super::super) fn software(&self) -> bool {
         self.software
     }
 
-    /// Means of some samples of each pixel, linear sRGB, row by row from the top.
+    /// Means of `count` samples of each pixel, linear sRGB, row by row from the top.
     pub(in super::super) fn pass(&mut self, first: usize, count: usize) -> Result<Vec<[f32; 3]>, String> {
         self.part(first, count, self.loaded.prepared.size)
     }
 
-    /// The same of a part in the middle, with zeros around it.
+    /// As [`Self::pass`], for a central part of the picture, with zeros around it.
     pub(in super::super) fn part(
         &mut self,
         first: usize,
@@ -240,7 +242,7 @@ impl Card {
         Ok(pixels)
     }
 
-    /// Seconds of frames of one sample each, of whose pixels only `part` in the middle are drawn; nothing is read back.
+    /// Time in s of `frames` frames with one sample each; only the central `part` is drawn, and nothing is read back.
     pub(in super::super) fn seconds(&mut self, frames: usize, part: [usize; 2]) -> Result<f64, String> {
         let begun = std::time::Instant::now();
         self.add(0, frames, part)?;
@@ -248,7 +250,7 @@ impl Card {
         Ok(begun.elapsed().as_secs_f64())
     }
 
-    /// Adds samples of a part in the middle, one at a time: systems end what keeps a card busy for seconds.
+    /// Adds samples of a central part one at a time, because systems reset a card that is busy for seconds.
     fn add(&mut self, first: usize, count: usize, part: [usize; 2]) -> Result<(), String> {
         let Loaded { prepared, uniforms, area, groups, .. } = &mut self.loaded;
         let [width, left, top] =
@@ -273,7 +275,7 @@ impl Card {
     }
 }
 
-/// Waits for all that a card was given.
+/// Waits until the card has completed all submitted work.
 fn waited(device: &wgpu::Device) -> Result<(), String> {
     device.poll(wgpu::PollType::wait_indefinitely()).map(drop).map_err(|e| lost(&e))
 }
@@ -286,7 +288,7 @@ impl Program {
     fn new(device: &wgpu::Device, prepared: &Prepared, text: String) -> Self {
         let source = wgpu::ShaderSource::Wgsl((text.clone() + ADDS).into());
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
-        // One more texture: the samples before.
+        // One additional texture: the previous samples.
         let layouts = [scene_layout(device, prepared.textures.len() + 1), picture_layout(device)];
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             bind_group_layouts: &layouts.each_ref().map(Some),
@@ -319,7 +321,7 @@ impl Loaded {
         let bytes = picture_bytes(prepared.size);
         let picture = buffer(bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST);
         let readback = buffer(bytes, BufferUsages::COPY_DST | BufferUsages::MAP_READ);
-        // Samples are added up outside the shaders: no picture of those before is looked at.
+        // The sums are outside the shaders, so the texture of previous samples is unused.
         let before = Texture { name: "before", width: 1, height: 1, channels: 4, values: vec![0.0; 4] };
         let views: Vec<wgpu::TextureView> = prepared
             .textures
@@ -362,7 +364,7 @@ fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
     wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
 }
 
-/// The scene's uniforms and textures.
+/// Layout of the scene's uniforms and textures.
 fn scene_layout(device: &wgpu::Device, textures: usize) -> wgpu::BindGroupLayout {
     let texture = wgpu::BindingType::Texture {
         sample_type: wgpu::TextureSampleType::Float { filterable: false },
@@ -374,7 +376,7 @@ fn scene_layout(device: &wgpu::Device, textures: usize) -> wgpu::BindGroupLayout
     layout(device, &types)
 }
 
-/// The area and the sums of pixels.
+/// Layout of the area and the sums of the pixels.
 fn picture_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     layout(
         device,

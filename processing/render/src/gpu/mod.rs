@@ -1,8 +1,10 @@
-//! The same pictures on a graphics card, natively and in the browser, from one source of shaders.
+//! Rendering on a graphics card, natively and in the browser, from one shader source.
 //!
-//! The shaders ([`SHADER`], WGSL) render one plane, disc, cylinder, sphere or mesh under up to eight lights and an environment: exact gratings with maps, slits,
-//! tables over half vectors, height fields and lattices, and a rough base. They take nothing but uniforms and textures ([`Prepared`]), so that naga's translation runs in WebGL2 as well.
-//! What is physics is computed here, by the processor's own code; where both differ, the processor is right.
+//! The shaders ([`SHADER`], WGSL) render one plane, disc, cylinder, sphere or mesh under up to eight lights and an
+//! environment. Materials are exact gratings with maps, slits, lookup tables over half vectors, height fields,
+//! lattices, and a rough base. Inputs are uniforms and textures only ([`Prepared`]), so that naga's translation also
+//! runs in WebGL2. All physical quantities are computed here by the processor's code; where both differ, the
+//! processor's picture is the reference.
 
 mod alias;
 #[cfg(feature = "gpu")]
@@ -22,20 +24,20 @@ pub use prepared::{NAMES, Prepared};
 pub use speed::{Frames, Kept, Rates, Timed, frames, rates, timed};
 pub use texture::Texture;
 
-/// What the best graphics card is called and how it is reached.
+/// Name and backend of the best graphics card.
 ///
 /// # Errors
-/// Says why there is none.
+/// The reason why there is none.
 pub fn adapter() -> Result<String, String> {
     card::name()
 }
 
-/// A card with a scene on it, or why there is none.
+/// Loads a scene onto a card, or returns the reason why that is not possible.
 pub(super) fn card(ready: &crate::prepared_scene::PreparedScene) -> Result<Card, String> {
     Card::new(Prepared::of(ready, usize::MAX)?)
 }
 
-/// The shaders: entry points `corner` (three vertices that cover all) and `light`.
+/// The shaders, with entry points `corner` (three vertices that cover the picture) and `light`.
 pub const SHADER: &str = concat!(
     include_str!("scene.wgsl"),
     include_str!("shape.wgsl"),

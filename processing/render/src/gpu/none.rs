@@ -1,52 +1,52 @@
-//! No graphics card: this program was built without them.
+//! Substitute for the graphics card in builds without GPU support.
 
 use super::Prepared;
 
-/// Says why there is none.
+/// Returns the reason why there is no card.
 pub(in super::super) fn name() -> Result<String, String> {
     Err("this program was built without the feature gpu".into())
 }
 
-/// Never there.
+/// Uninhabited.
 pub(in super::super) enum Card {}
 
 impl Card {
-    /// Says why there is none.
+    /// Returns the reason why there is no card.
     pub(in super::super) fn new(_: Prepared) -> Result<Self, String> {
         Err("this program was built without the feature gpu".into())
     }
 
-    /// Says why there is none.
+    /// Returns the reason why there is no card.
     pub(in super::super) fn with(prepared: Prepared, _: &str) -> Result<Self, String> {
         Self::new(prepared)
     }
 
-    /// Never called.
+    /// Unreachable.
     pub(in super::super) fn load(&mut self, _: Prepared) -> Result<(), String> {
         match *self {}
     }
 
-    /// Never called.
+    /// Unreachable.
     pub(in super::super) fn software(&self) -> bool {
         match *self {}
     }
 
-    /// Never called.
+    /// Unreachable.
     pub(in super::super) fn seconds(&mut self, _: usize, _: [usize; 2]) -> Result<f64, String> {
         match *self {}
     }
 
-    /// Never called.
+    /// Unreachable.
     pub(in super::super) fn part(&mut self, _: usize, _: usize, _: [usize; 2]) -> Result<Vec<[f32; 3]>, String> {
         match *self {}
     }
 
-    /// Never called.
+    /// Unreachable.
     pub(in super::super) fn pass(&mut self, _: usize, _: usize) -> Result<Vec<[f32; 3]>, String> {
         match *self {}
     }
 
-    /// Never called.
+    /// Unreachable.
     pub(in super::super) fn name(&self) -> &str {
         match *self {}
     }

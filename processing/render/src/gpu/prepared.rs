@@ -1,4 +1,4 @@
-//! A scene as the shaders take it.
+//! A scene in the form required by the shaders.
 
 use super::repeating::{Cells, Field};
 use super::texture::Texture;
@@ -22,33 +22,33 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Uniforms of four numbers each, in the order of `Scene` in scene.wgsl; lights follow, five of them each.
+/// Names of the uniforms, four numbers each, in the order of `Scene` in scene.wgsl. Five uniforms per light follow.
 pub const NAMES: [&str; 25] = [
     "eye", "right", "up", "ahead", "center", "across", "along", "normal", "form", "what", "same", "grooves", "relief",
     "sums", "table", "repeat", "turn", "detail", "albedo", "specular", "sky_x", "sky_y", "sky_z", "range", "samples",
 ];
 
-/// Longest period on software that stands in for a card: beyond, balancing takes more turns of loops than llvmpipe's 65535 for a pixel; and on a
-/// mesh, which takes some of them.
+/// Longest period in µm on a software renderer, and on a mesh, which needs some of the loop iterations. Beyond it,
+/// balancing exceeds llvmpipe's limit of 65535 loop iterations per pixel.
 const SOFTWARE_UM: f32 = 1.6;
 const SOFTWARE_MESH_UM: f32 = 1.4;
 const TURNS: f32 = 60_000.0;
 
-/// Most slits that light falls on together: more make lines too fine for the shaders' sums.
+/// Maximum number of coherently lit slits: more produce lines too fine for the shaders' sums.
 const MOST_SLITS: usize = 256;
 
-/// Most lights, and uniforms of each.
+/// Maximum number of lights, and uniforms of each.
 const LIGHTS: usize = 8;
 const ROWS: usize = 5;
 
-/// What shaders need for a scene.
+/// Shader inputs of a scene.
 #[derive(Clone, Debug)]
 pub struct Prepared {
-    /// Pixels of a row, and rows.
+    /// Width and height in pixels.
     pub size: [usize; 2],
     /// Values of [`NAMES`], then the lights; lengths in mm, angles in rad, periods in µm, wave numbers in 1/µm.
     pub uniforms: Vec<[f32; 4]>,
-    /// In the order of the shader's bindings, from 1.
+    /// Textures in the order of the shader's bindings, from 1.
     pub textures: Vec<Texture>,
 }
 
@@ -68,17 +68,17 @@ struct Layout<'a> {
 }
 
 impl Prepared {
-    /// Of a scene whose files are sought in a folder; sums are to be off by less than `error`, and maps are thinned out to `most` pixels along
-    /// a side.
+    /// Prepares a scene whose files are in `folder`. The truncation error of sums is at most `error`, and maps are
+    /// subsampled to at most `most` pixels along a side.
     ///
     /// # Errors
-    /// `Input` for what makes no sense, and for scenes that the shaders do not do.
+    /// `Input` for invalid scenes, and for scenes that the shaders do not support.
     pub fn new(scene: &Scene, folder: &Path, error: f64, most: usize, progress: &dyn Progress) -> Result<Self> {
         let ready = PreparedScene::new(scene, folder, Accuracy::new(error, None), progress)?;
         Self::of(&ready, most).map_err(|why| Error::input("scene", why, "render it with `nacre render`"))
     }
 
-    /// Of a scene made ready, or why the shaders do not do it.
+    /// Converts a prepared scene, or returns the reason why the shaders do not support it.
     pub(in super::super) fn of(ready: &PreparedScene, most: usize) -> std::result::Result<Self, String> {
         let [shape] = ready.shapes.as_slice() else {
             return Err(format!("it has {} shapes, not one", ready.shapes.len()));
@@ -120,19 +120,19 @@ impl Prepared {
         Ok(Self { size: ready.camera.size, uniforms: values.list(), textures })
     }
 
-    /// Sets which samples of a pixel are added, how many, and what part those before have in the result.
+    /// Sets the range of samples to add, and the weight of the previous samples in the result.
     pub fn samples(&mut self, first: usize, count: usize, before: f32) {
         if let Some(value) = self.uniforms.get_mut(NAMES.len() - 1) {
             *value = [first as f32, count as f32, before, 0.0];
         }
     }
 
-    /// A uniform by its name.
+    /// Value of a uniform by its name.
     pub(super) fn value(&self, name: &str) -> [f32; 4] {
         NAMES.iter().position(|n| *n == name).and_then(|k| self.uniforms.get(k).copied()).unwrap_or_default()
     }
 
-    /// Whether sums are longer than software that ends all loops of a pixel after `TURNS` follows them.
+    /// Whether the sums exceed the loop limit (`TURNS`) of software renderers.
     pub fn too_long_for_software(&self) -> bool {
         let [what, same, form, sky] = ["what", "same", "form", "sky_x"].map(|name| self.value(name));
         let meshed = form[0] == 3.0;
@@ -147,14 +147,14 @@ impl Prepared {
         }
     }
 
-    /// Turns of loops that a pixel of what repeats in two directions takes at most: frequencies along and across the longest line, and samples and
-    /// terms of each.
+    /// Maximum loop iterations per pixel of a doubly periodic material: frequencies along and across the longest line,
+    /// and samples and terms of each.
     fn frequency_turns(&self) -> f32 {
         let [repeat, turn, grooves, sums] = ["repeat", "turn", "grooves", "sums"].map(|name| self.value(name));
         let lights = self.uniforms.get(NAMES.len()..).unwrap_or(&[]).chunks_exact(ROWS);
         let distance =
             |l: &[[f32; 4]]| if l[1][1] != 1.0 { l[0][..3].iter().map(|v| v * v).sum::<f32>().sqrt() } else { 1.0 };
-        // A light may be nearer to the sample than to the scene's middle: three times as wide.
+        // A light may be closer to the sample than to the scene's centre: a margin of three.
         let wide = |l: &[[f32; 4]]| 3.0 * l[0][3] / distance(l).max(1e-6);
         let last = RANGE[1] as f32;
         let lobes = lights.filter(|l| l[1][0] > 0.0).map(|l| {
@@ -167,13 +167,14 @@ impl Prepared {
         (lobes.sum::<f32>() + 16.0) * turn[2].max(1.0) + 1000.0
     }
 
-    /// Uniforms as the shader's buffer holds them.
+    /// Uniforms in the layout of the shader's buffer.
     pub fn uniform_bytes(&self) -> Vec<u8> {
         bytemuck::cast_slice(&self.uniforms).to_vec()
     }
 
-    /// For a browser: the length of a header in bytes (32 bits, little-endian), the header (JSON, padded with blanks to a multiple of 4), and
-    /// the textures' numbers (32-bit floats, little-endian), one after the other.
+    /// Serialisation for a browser. First comes the header's length in bytes (32 bits, little endian), then the header
+    /// (JSON, padded with blanks to a multiple of 4). The textures' numbers follow in sequence (32-bit floats, little
+    /// endian).
     pub fn bytes(&self) -> Vec<u8> {
         let mut uniforms: BTreeMap<&str, Vec<[f32; 4]>> =
             NAMES.into_iter().zip(&self.uniforms).map(|(name, value)| (name, vec![*value])).collect();
@@ -223,7 +224,7 @@ impl Values {
         Ok(())
     }
 
-    /// Sets a shape, and gives its triangles.
+    /// Sets the shape, and returns its triangles.
     fn shape(&mut self, form: &Form) -> Texture {
         let mut mesh = Texture::none("mesh", 4);
         let (kind, center, frame, [x, y, z, w]) = match form {
@@ -328,7 +329,7 @@ impl Values {
         Ok(())
     }
 
-    /// What repeats after some µm, with frequencies up to some cycles.
+    /// Sets the parameters of a doubly periodic material: periods in µm, maximum frequencies, direction and lobe width.
     fn repeating(&mut self, um: [f64; 2], most: [f64; 2], [cos, sin]: [f64; 2], sigma: f64) {
         self.set("same", [0.0; 4]);
         self.set("grooves", [1.0, 1.0, 0.0, sigma * sigma]);

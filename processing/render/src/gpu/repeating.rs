@@ -1,4 +1,4 @@
-//! What repeats in two directions, as the shader `field.wgsl` looks it up: height fields by the terms of their expansion.
+//! Doubly periodic materials for the shader `field.wgsl`: height fields as terms of their expansion.
 
 use super::alias::draws;
 use super::texture::Texture;
@@ -10,23 +10,25 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Rows of the terms' functions of X: every card has textures of this height. Their linear interpolation is right to 2e-5 at X = 25.
+/// Rows of the terms' functions of X, the texture height supported by every card. Linear interpolation has an error of
+/// 2e-5 at X = 25.
 const ROWS: usize = 2048;
 
-/// Most bytes of the terms' texture.
+/// Maximum size of the terms' texture in bytes.
 const MOST_BYTES: usize = 1 << 30;
 
-/// Tables by which frequencies are drawn under an environment, from flat views to steep ones: a surface that is seen flat is nearly a mirror. As
-/// many as `heights.wgsl` looks at.
+/// Number of sampling tables for frequencies under an environment, from grazing to normal views: a surface seen at
+/// grazing incidence is nearly a mirror. It must match `heights.wgsl`.
 const COURSES: usize = 8;
 
-/// Most cells of all these tables.
+/// Maximum number of cells of all these tables.
 const MOST_CELLS: usize = 1 << 22;
 
-/// Part of a mean cell's draws that each cell has at least: where there is no power at one phase there may be some at another.
+/// Minimum share of draws per cell, relative to the mean: a frequency without power at one phase may have some at
+/// another.
 const FEWEST_DRAWS: f64 = 1e-3;
 
-/// A height field for cards.
+/// A height field for graphics cards.
 pub(super) struct Field {
     /// Amplitudes of pairs of terms over frequencies, from the lowest, in tiles.
     pub terms: Texture,
@@ -34,21 +36,21 @@ pub(super) struct Field {
     pub phases: Texture,
     /// [`AlbedoNormalisation`](crate::material::diffraction::albedo_normalisation::AlbedoNormalisation), in tiles.
     pub norm: Texture,
-    /// Frequencies to each side of the middle.
+    /// Number of frequencies on each side of zero.
     pub reach: [usize; 2],
-    /// Pairs of terms.
+    /// Number of pairs of terms.
     pub pairs: usize,
     /// Rows of `phases` per unit of X.
     pub per_x: f64,
-    /// Half the range of heights in µm.
+    /// Half the height range in µm.
     pub half_um: f64,
-    /// By what frequencies are drawn under an environment.
+    /// Tables for sampling frequencies under an environment.
     pub cells: Option<Cells>,
 }
 
-/// Tables of cells of frequencies, each with its own share of draws, which other one has the rest, and how often it is drawn.
+/// Alias tables of frequency cells: own share of draws, alternative cell, and probability of each.
 pub(super) struct Cells {
-    /// One table after the other, in tiles.
+    /// The tables in tiles.
     pub texture: Texture,
     /// Cells of a table along x and y.
     pub side: [usize; 2],
@@ -57,7 +59,7 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Of the terms of a height field.
+    /// Builds the tables from the terms of a height field.
     fn new(set: &TermSet) -> Self {
         let reach = set.about.reach;
         let frequencies = reach.map(|r| 2 * r + 1);
@@ -68,7 +70,7 @@ impl Cells {
         let width = side[0] * across;
         let mut values = vec![0.0_f32; 4 * width * side[1] * COURSES.div_ceil(across)];
         for course in 0..COURSES {
-            // The phase in the mirror's direction.
+            // Phase in the mirror direction.
             let x = 2.0 * TAU * RANGE[1] * set.about.half_um * (course as f64 + 0.5) / COURSES as f64;
             let functions = set.functions(x.min(set.about.x_most));
             let power = |x: usize, y: usize| {
@@ -84,7 +86,7 @@ impl Cells {
             let count = side[0] * side[1];
             let mut shares: Vec<f64> = (0..count).into_par_iter().map(cell).collect();
             let mean = shares.iter().sum::<f64>() / count as f64;
-            // At least of a mean cell, and one on average.
+            // Each cell has a minimum share; the mean share is one.
             shares
                 .iter_mut()
                 .for_each(|s| *s = (*s / mean.max(f64::MIN_POSITIVE) + FEWEST_DRAWS) / (1.0 + FEWEST_DRAWS));
@@ -100,13 +102,13 @@ impl Cells {
     }
 }
 
-/// Tiles beside each other, for a picture that is about square.
+/// Number of tiles per row, for a nearly square picture.
 fn beside(tiles: usize) -> usize {
     (tiles as f64).sqrt().ceil() as usize
 }
 
 impl Field {
-    /// Of a relief that may be under an environment, or why cards do not do it.
+    /// Converts a relief, optionally for use under an environment, or returns the reason why cards do not support it.
     pub(super) fn new(relief: &Relief, error: f64, under: bool, progress: &dyn Progress) -> Result<Self, String> {
         let set = relief.terms(error, progress).map_err(|e| e.to_string())?;
         let reach = set.about.reach;
@@ -130,11 +132,11 @@ impl Field {
                 }
             }
         }
-        // No steeper than light and eye along the normal, at the shortest wavelength.
+        // Largest X: light and view along the normal, at the shortest wavelength.
         let half_um = set.about.half_um;
         let most = (2.0 * TAU * RANGE[1] * half_um).min(set.about.x_most);
         let per_x = (ROWS - 2) as f64 / most;
-        // Of functions that turn as fast as their phase, linear interpolation misses an eighth of the step squared.
+        // The linear-interpolation error of functions that oscillate with their phase is an eighth of the squared step.
         if 0.125 / (per_x * per_x) > 0.1 * error {
             return Err(format!("its height field is too deep for cards at this error: {most:.0} rad of phase"));
         }

@@ -1,4 +1,4 @@
-//! How fast a card renders, against the processor and against what it can do at best.
+//! Rendering speed of a card, relative to the processor and to the card's peak rates.
 
 use super::{Card, Prepared, SHADER, Texture, card};
 use crate::material::SAMPLES;
@@ -13,21 +13,22 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
 
-/// Adds a texture to the picture: what memory gives.
+/// Adds a texture to the picture: measures memory bandwidth.
 const COPY: &str = "
 @group(0) @binding(1) var source: texture_2d<f32>;
 fn drawn(corner: vec2<f32>) -> vec4<f32> {
     return textureLoad(source, vec2<i32>(corner), 0);
 }";
 
-/// Pixels of a side of the copy, on a card and on software: more than caches hold, and long beside what it takes to begin a frame.
+/// Side in pixels of the copied texture, on a card and in software: larger than the caches, and long compared with the
+/// overhead of a frame.
 const COPIED: [usize; 2] = [4096, 2048];
 
-/// Bytes of a texel and of a pixel of the picture, which is read and written.
+/// Bytes of a texel and of a picture pixel, which is read and written.
 const TEXEL: f64 = 16.0;
 const ADDED_UP: f64 = 2.0 * TEXEL;
 
-/// Multiplies and adds, four vectors of four in each turn: what arithmetic gives.
+/// Multiplies and adds four vectors of four per iteration: measures arithmetic throughput.
 const ADD: &str = "
 fn drawn(corner: vec2<f32>) -> vec4<f32> {
     var a = vec4(corner, 0.5, 1.0);
@@ -39,12 +40,13 @@ fn drawn(corner: vec2<f32>) -> vec4<f32> {
     return a + b + c + d;
 }";
 
-/// Pixels of a side, on a card and on software, and operations of a pixel.
+/// Side in pixels, on a card and in software, and operations per pixel.
 const ADDED: [usize; 2] = [2048, 256];
 const ADDED_OPERATIONS: f64 = 1024.0 * 4.0 * 4.0 * 2.0;
 
-/// Lines of the shaders, and how many operations they and what follows up to the next loop take: additions, multiplications, roots and the like count
-/// one each, as read off the source. Counts tell what a card has to do to a fifth or so; compilers leave some out.
+/// Shader lines and the number of operations from each of them to the next loop. Additions, multiplications, roots and
+/// similar functions count as one, as read from the source. The counts are accurate to about a fifth, since compilers
+/// remove some operations.
 const OPERATIONS: [(&str, u32); 20] = [
     ("let slope = dot(ray, scene.normal.xyz);", 80),
     ("let axis = scene.normal.xyz;", 120),
@@ -68,7 +70,7 @@ const OPERATIONS: [(&str, u32); 20] = [
     ("let off = (at - vec2<f32>(bin)) / s;", 380),
 ];
 
-/// What the counting shader counts with, and where it puts what it has counted.
+/// Counters of the counting shader, and the output of their values.
 const COUNTED: &str = "
 var<private> counted: vec2<f32>;
 fn counted_load(source: texture_2d<f32>, at: vec2<i32>, level: i32) -> vec4<f32> {
@@ -77,52 +79,53 @@ fn counted_load(source: texture_2d<f32>, at: vec2<i32>, level: i32) -> vec4<f32>
 }";
 const MEAN: &str = "let mean = sum / max(f32(count), 1.0);";
 
-/// Part of the frame along each side that software draws.
+/// Reduction of the frame along each side for software renderers.
 const SHARE: usize = 8;
 
-/// Seconds that a measurement takes at least.
+/// Minimum duration of a measurement in s.
 const LONG: f64 = 0.25;
 
-/// What a card does at best, measured with shaders that do nothing else.
+/// Peak rates of a card, measured with shaders that do nothing else.
 #[derive(Clone, Debug, Serialize)]
 pub struct Rates {
-    /// What the card is called and how it is reached.
+    /// Name and backend of the card.
     pub adapter: String,
-    /// Whether it is software that stands in for one.
+    /// Whether it is a software renderer.
     pub software: bool,
-    /// Bytes per second of a copy, those that are read and those that are written.
+    /// Copy bandwidth in bytes per second, reads and writes counted.
     pub copied_bytes_per_s: f64,
     /// Additions and multiplications of 32-bit floats per second.
     pub operations_per_s: f64,
 }
 
-/// How fast a scene is drawn.
+/// Rendering speed of a scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct Frames {
-    /// Pixels of a row, and rows.
+    /// Width and height in pixels.
     pub size: [usize; 2],
-    /// Pixels that were drawn, in the middle; a whole frame takes as much longer as it has more of them.
+    /// Size of the drawn central part in pixels; times are scaled to the whole frame.
     pub drawn: [usize; 2],
-    /// Whole frames per second, one sample of each pixel.
+    /// Whole frames per second with one sample per pixel.
     pub frames_per_s: f64,
-    /// Operations of a pixel, counted.
+    /// Counted operations per pixel.
     pub operations_per_pixel: f64,
-    /// Texels that a pixel looks up, of 16 bytes at most, most of them in caches.
+    /// Texels read per pixel, of 16 bytes at most, mostly from caches.
     pub texels_per_pixel: f64,
-    /// Bytes that must move through memory for a pixel: its texel of the maps, if there are any, and the sum of its samples, to and fro.
+    /// Bytes per pixel that must pass through memory: the texel of the maps, if there are any, and the sum of its
+    /// samples, read and written.
     pub bytes_per_pixel: f64,
-    /// Part of the card's rate of operations that is reached.
+    /// Fraction of the card's peak arithmetic rate.
     pub of_operations: f64,
-    /// Part of the copy's rate that is reached.
+    /// Fraction of the copy bandwidth.
     pub of_copy: f64,
 }
 
-/// A picture and the time it took.
+/// A picture and its computing time.
 #[derive(Clone, Debug)]
 pub struct Timed {
     /// Linear sRGB, row by row from the top.
     pub pixels: Vec<[f32; 3]>,
-    /// Seconds of the samples, without preparing the scene.
+    /// Time of the samples in s, without preparation of the scene.
     pub seconds: f64,
 }
 
@@ -130,12 +133,12 @@ fn refused(why: String) -> Error {
     Error::input("gpu", why, "render on the processor")
 }
 
-/// The best card there is, kept for one scene after the other: shaders are compiled once for all scenes that share them.
+/// The best card, kept from scene to scene so that scenes with the same shaders compile them once.
 #[derive(Default)]
 pub struct Kept(Option<Card>);
 
 impl Kept {
-    /// The card with a scene on it, or why there is none that does it.
+    /// Loads a scene onto the card, or returns the reason why that is not possible.
     fn with(&mut self, ready: &PreparedScene) -> std::result::Result<&mut Card, String> {
         match &mut self.0 {
             Some(card) => card.load(Prepared::of(ready, usize::MAX)?)?,
@@ -145,18 +148,18 @@ impl Kept {
     }
 }
 
-/// Renders a scene whose files are sought in a folder with so many samples per pixel (a multiple of 4), sums off by less than `error` (relative),
-/// on a card or, if none is given, on the processor.
+/// Renders a scene with `samples` samples per pixel (a multiple of 4) and relative truncation error `error`, on a card
+/// or, without one, on the processor. The scene's files are in `folder`.
 ///
 /// # Errors
-/// `Input` for what makes no sense, and for the card where there is none that does the scene.
+/// `Input` for invalid scenes, and if no card supports the scene.
 pub fn timed(scene: &Scene, folder: &Path, samples: usize, error: f64, card: Option<&mut Kept>) -> Result<Timed> {
     Settings { samples, ..Settings::default() }.check()?;
     let ready = PreparedScene::new(scene, folder, Accuracy::new(error, None), &Silent)?;
     let passes = (samples / SAMPLES).max(1);
     if let Some(kept) = card {
         let card = kept.with(&ready).map_err(refused)?;
-        // Drivers compile shaders when they are first drawn with.
+        // Drivers compile shaders at the first draw.
         card.seconds(1, [1, 1]).map_err(refused)?;
         let begun = Instant::now();
         let pixels = card.pass(0, passes * SAMPLES).map_err(refused)?;
@@ -171,7 +174,7 @@ pub fn timed(scene: &Scene, folder: &Path, samples: usize, error: f64, card: Opt
     Ok(Timed { pixels, seconds: begun.elapsed().as_secs_f64() })
 }
 
-/// Seconds of a frame, of which as many are drawn as it takes to measure them.
+/// Time of a frame in s, averaged over as many frames as the measurement requires.
 fn pace(card: &mut Card, part: [usize; 2]) -> std::result::Result<f64, String> {
     card.seconds(1, part)?;
     let mut frames = 1;
@@ -184,7 +187,7 @@ fn pace(card: &mut Card, part: [usize; 2]) -> std::result::Result<f64, String> {
     }
 }
 
-/// Pixels per second of a shader that looks at one texture alone, of as many pixels a side as suit a card, or software.
+/// Pixels per second of a shader that reads a single texture; the two sizes are for cards and for software.
 fn probe(shader: &str, [of_card, of_software]: [usize; 2]) -> std::result::Result<(f64, Card), String> {
     let prepared = |side: usize| {
         let values = vec![0.5; 4 * side * side];
@@ -198,10 +201,10 @@ fn probe(shader: &str, [of_card, of_software]: [usize; 2]) -> std::result::Resul
     Ok(((side * side) as f64 / seconds, card))
 }
 
-/// What the best card does at best.
+/// Peak rates of the best card.
 ///
 /// # Errors
-/// `Input` where there is none.
+/// `Input` if there is none.
 pub fn rates() -> Result<Rates> {
     let (copied, card) = probe(COPY, COPIED).map_err(refused)?;
     let (added, _) = probe(ADD, ADDED).map_err(refused)?;
@@ -213,7 +216,7 @@ pub fn rates() -> Result<Rates> {
     })
 }
 
-/// The shaders, with a count of operations and texels in place of light.
+/// The shaders with counters of operations and texels in place of light.
 fn counting() -> String {
     let mut source = SHADER.replace("textureLoad(", "counted_load(") + COUNTED;
     for (line, operations) in OPERATIONS {
@@ -222,10 +225,10 @@ fn counting() -> String {
     source.replace(MEAN, "let mean = vec4(counted / max(f32(count), 1.0), 0.0, 1.0);")
 }
 
-/// Draws frames of a scene whose files are sought in a folder; sums are off by less than `error` (relative).
+/// Measures the frame rate of a scene whose files are in `folder`; the relative truncation error of sums is `error`.
 ///
 /// # Errors
-/// `Input` for what makes no sense, and where there is no card that does the scene.
+/// `Input` for invalid scenes, and if no card supports the scene.
 pub fn frames(scene: &Scene, folder: &Path, error: f64, rates: &Rates) -> Result<Frames> {
     let prepared = Prepared::new(scene, folder, error, usize::MAX, &Silent)?;
     measured(prepared, rates).map_err(refused)
@@ -256,7 +259,7 @@ fn measured(prepared: Prepared, rates: &Rates) -> std::result::Result<Frames, St
 mod tests {
     use super::*;
 
-    /// Each line that is counted is in the shaders once: a changed shader is counted anew.
+    /// Each counted line occurs exactly once in the shaders, so that a changed shader requires a new count.
     #[test]
     fn lines_that_count_are_there() {
         for (line, _) in OPERATIONS.into_iter().chain([(MEAN, 0)]) {

@@ -1,15 +1,15 @@
-//! A texture as a card takes it.
+//! Textures for graphics cards.
 
-/// A texture of 32-bit floats, row by row, the first row at 0.
+/// A texture of 32-bit floats, row by row; the first row is at 0.
 #[derive(Clone, Debug)]
 pub struct Texture {
-    /// What the shader calls it.
+    /// Name in the shader.
     pub name: &'static str,
-    /// Texels of a row.
+    /// Texels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// One or four numbers of a texel.
+    /// Numbers per texel: one or four.
     pub channels: usize,
     /// The numbers.
     pub values: Vec<f32>,
@@ -20,9 +20,9 @@ impl Texture {
         Self { name, width, height: values.len() / (width * channels).max(1), channels, values }
     }
 
-    /// One that is not looked at.
+    /// A placeholder that the shaders do not read.
     pub(super) fn none(name: &'static str, channels: usize) -> Self {
-        // Rows are interpolated between: two of them.
+        // Rows are interpolated, so two are needed.
         Self::new(name, 2, channels, vec![0.0; 4 * channels])
     }
 }

@@ -1,4 +1,4 @@
-//! Numbers that shaders look up.
+//! Lookup textures of the shaders.
 
 use super::repeating::Field;
 use super::texture::Texture;
@@ -12,14 +12,15 @@ use crate::material::texture::{Grooves, Picture};
 use crate::shape::mesh::Mesh;
 use nacre_brdf::Reflectance;
 
-/// Most rows of the orders' powers: every card has textures of this height.
+/// Maximum rows of the orders' powers, the texture height supported by every card.
 const ROWS: usize = 2048;
 
-/// Cosines and wave numbers at which the reflectance is known.
+/// Number of tabulated cosines and wave numbers of the reflectance.
 const COSINES: usize = 256;
 const NUMBERS: usize = 64;
 
-/// All textures but those of environments and meshes, in the order of their bindings; and what there is to know of a height field.
+/// All textures except those of environments and meshes, in the order of their bindings, and the parameters of a height
+/// field.
 pub(super) fn all(
     diffraction: Option<&Diffraction>,
     lamps: &[Lamp],
@@ -40,7 +41,7 @@ pub(super) fn all(
             mirror = self::mirror(&comb.orders.reflectance);
         }
         Some(Diffraction::Lattice(lattice)) => {
-            // Under an environment, orders are drawn by their running sums.
+            // Under an environment, orders are sampled from their cumulative sums.
             let values = lattice.running.iter().flatten().map(|v| *v as f32).collect();
             powers = Texture::new("powers", lattice.running[0].len(), 1, values);
             mirror = self::mirror(&lattice.reflectance);
@@ -58,17 +59,17 @@ pub(super) fn all(
     vec![grooves, spectra(lamps), powers, mirror, table, albedo, rough, terms, phases, norm]
 }
 
-/// Texels of a row of a mesh: every card has textures of this width.
+/// Texels per row of a mesh, the texture width supported by every card.
 const MESH_WIDTH: usize = 2048;
 
-/// A mesh's nodes and triangles, and how many nodes.
+/// Nodes and triangles of a mesh, and the number of nodes.
 pub(super) fn mesh(of: &Mesh) -> (usize, Texture) {
     let (nodes, mut texels) = of.packed();
     texels.resize(texels.len().next_multiple_of(MESH_WIDTH), [0.0; 4]);
     (nodes, Texture::new("mesh", MESH_WIDTH, 4, texels.into_flattened()))
 }
 
-/// Orientation, period, σ and whether they are known.
+/// Orientation, period, σ and validity.
 fn maps(of: &Grooves, most: usize) -> Texture {
     let Some(any) = of.orientation.as_ref().or(of.period.as_ref()) else { return Texture::none("maps", 4) };
     let step = any.width.max(any.height).div_ceil(most).max(1);
@@ -89,7 +90,7 @@ fn maps(of: &Grooves, most: usize) -> Texture {
     Texture::new("maps", any.width.div_ceil(step), 4, values)
 }
 
-/// X, Y, Z over wave numbers, a row for each light.
+/// X, Y, Z over wave numbers, one row per light.
 fn spectra(lamps: &[Lamp]) -> Texture {
     let Some(first) = lamps.first() else { return Texture::none("spectra", 4) };
     let texel = |v: &[f64; 3]| [v[0] as f32, v[1] as f32, v[2] as f32, 0.0];
@@ -97,18 +98,18 @@ fn spectra(lamps: &[Lamp]) -> Texture {
     Texture::new("spectra", first.seen.table.len(), 4, values)
 }
 
-/// Every how many-th row of a grating's table is used.
+/// Subsampling factor of a grating's table rows.
 fn stride(grating: &Grating) -> usize {
     let width = (2 * grating.most + 1) as usize;
     (grating.table.len() / width).div_ceil(ROWS - 1).max(1)
 }
 
-/// Rows of [`powers`] for 1/µm of q.
+/// Rows of [`powers`] per 1/µm of q.
 pub(super) fn rows_per_q(grating: &Grating) -> f64 {
     grating.depth_um / (STEP * stride(grating) as f64)
 }
 
-/// Powers of the orders that count.
+/// Powers of the significant orders.
 fn powers(grating: &Grating) -> Texture {
     let width = (2 * grating.most + 1) as usize;
     let beyond = (grating.most - grating.orders) as usize;
@@ -127,7 +128,7 @@ fn mirror(of: &Reflectance) -> Texture {
     Texture::new("mirror", COSINES, 1, (0..COSINES * NUMBERS).map(at).collect())
 }
 
-/// A table's entries and its albedo.
+/// Entries and albedo of a lookup table.
 fn half_vectors(table: &Table) -> (Texture, Texture) {
     let entries = table.rgb.iter().flat_map(|v| [v[0], v[1], v[2], 0.0]).collect();
     let albedo = table.albedo().flat_map(|v| [v[0] as f32, v[1] as f32, v[2] as f32, 0.0]).collect();

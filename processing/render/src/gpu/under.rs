@@ -1,5 +1,6 @@
-//! What a sample shows of an environment. Every place of a flat one has the same frame, so that what tables and bases show depends on the direction
-//! of view alone: tables by the exact correlation ([`planar`]), the base by the processor's own samples. On other shapes light is drawn by chance.
+//! Textures of environment lighting. All positions of a flat sample share one frame, so the reflection of tables and
+//! bases depends on the direction of view only. Tables use the exact correlation ([`planar`]), the base the processor's
+//! samples. On other shapes the shaders sample light at random.
 
 use super::alias::draws;
 use super::repeating::Cells;
@@ -19,24 +20,25 @@ use nacre_optics::color::linear_srgb;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Sines of view along a side for a table, at most; the correlation's memory grows with their square.
+/// Maximum number of sines of view along a side for a table; the memory of the correlation grows with their square.
 const VIEWS: usize = 512;
 
 /// Samples of the base over all directions of view.
 const SAMPLES: usize = 1 << 20;
 
-/// Wave numbers at which the colours of the sky are known.
+/// Number of wave numbers of the sky's colours.
 const NUMBERS: usize = 256;
 
-/// Farthest sine of view that is looked at.
+/// Largest evaluated sine of view.
 const RIM: f64 = 0.999;
 
-/// The textures where there is no environment.
+/// Placeholder textures for scenes without an environment.
 pub(super) fn none() -> Vec<Texture> {
     ["sky", "sky_colors", "under_top", "under_base"].map(|name| Texture::none(name, 4)).to_vec()
 }
 
-/// The textures of an environment over a sample seen from a place, and of what a height field's frequencies are drawn by; or why shaders do not do it.
+/// The textures of an environment over a sample seen from a point, and of the sampling of a height field's frequencies;
+/// or the reason why shaders do not support it.
 pub(super) fn all(
     sky: &Sky,
     material: &Material,
@@ -60,7 +62,8 @@ pub(super) fn all(
     Ok(vec![picture(sky), colors(sky), top, base])
 }
 
-/// The sky with the density of its draws; below it, by pixel, its own share of them and which other pixel has the rest (Walker 1977).
+/// The sky with its sampling density. Below it, per pixel, the alias table: own share and alternative pixel (Walker
+/// 1977).
 fn picture(sky: &Sky) -> Texture {
     let (width, height) = (sky.map.width, sky.map.height);
     let middle = |k: usize| {
@@ -69,7 +72,7 @@ fn picture(sky: &Sky) -> Texture {
         [polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()]
     };
     let density: Vec<f64> = (0..width * height).into_par_iter().map(|k| sky.map.density(middle(k))).collect();
-    // Of all draws, times the number of pixels.
+    // Share of all draws, times the number of pixels.
     let edge = |y: usize| (PI * y as f64 / height as f64).cos();
     let angle = |k: usize| (edge(k / width) - edge(k / width + 1)) * TAU / width as f64;
     let shares = density.iter().enumerate().map(|(k, d)| d * angle(k) * (width * height) as f64).collect();
@@ -82,7 +85,7 @@ fn picture(sky: &Sky) -> Texture {
     Texture::new("sky", width, 4, light.chain(draws).collect())
 }
 
-/// X, Y, Z per wave number of red, green and blue, a row for each.
+/// X, Y, Z per wave number of red, green and blue, one row each.
 fn colors(sky: &Sky) -> Texture {
     let number = |k: usize| RANGE[0] + (RANGE[1] - RANGE[0]) * k as f64 / (NUMBERS - 1) as f64;
     let row = |c: usize| (0..NUMBERS).map(move |k| sky.upsampling.at(number(k))[c]);
@@ -90,7 +93,8 @@ fn colors(sky: &Sky) -> Texture {
     Texture::new("sky_colors", NUMBERS, 4, (0..3).flat_map(row).flat_map(texel).collect())
 }
 
-/// A texture over the sines of view at the middles of `size · size` cells; beyond the rim that of the rim.
+/// A texture over the sines of view at the centres of `size · size` cells; beyond the rim it continues the rim's
+/// values.
 fn over_views(name: &'static str, size: usize, value: impl Fn(usize, [f64; 3]) -> [f64; 3] + Sync) -> Texture {
     let at = |k: usize| (2 * k + 1) as f64 / size as f64 - 1.0;
     let texel = |i: usize| {
@@ -104,7 +108,7 @@ fn over_views(name: &'static str, size: usize, value: impl Fn(usize, [f64; 3]) -
     Texture::new(name, size, 4, texels.into_flattened())
 }
 
-/// What cells of a table are drawn by: their own share of draws, which other one has the rest, and the density over half vectors.
+/// Alias table of a lookup table's cells: own share of draws, alternative cell, and density over half vectors.
 fn cells(of: &Table) -> Texture {
     let (side, shares) = of.shares();
     let per_area = (side as f64 / (2.0 * of.extent)).powi(2);
@@ -118,13 +122,14 @@ fn cells(of: &Table) -> Texture {
 }
 
 fn table(of: &Table, sky: &Sky, frame: &[V3; 3]) -> Result<Texture, String> {
-    // Twice as fine as the table and the sky.
+    // Twice the resolution of the table and the sky.
     let size = ((2.0 * of.size as f64 / of.extent) as usize).max(2 * sky.map.height).clamp(64, VIEWS);
     let [tangent, bitangent, normal] = frame.map(|v| sky.frame.map(|axis| axis.dot(&v)));
     let even = environment::Table::from_fn(of.size, of.extent, |h| of.raw(h));
     let found = even.and_then(|even| planar(&even, &sky.map, &Frame { tangent, bitangent, normal }, size));
     let found = found.map_err(|error| error.to_string())?;
-    // The first row of the reflection is the uppermost, and it is dark outside of the disc: what is beyond the last whole cell is as that.
+    // The first row of the reflection is the uppermost. Outside the disc it is dark, so values beyond the last whole
+    // cell are replaced by that cell.
     let inner = 1.0 - 2.0 / size as f64;
     Ok(over_views("under_top", size, |_, [x, y, _]| {
         let shrink = (inner / x.hypot(y)).min(1.0);
@@ -138,9 +143,9 @@ fn table(of: &Table, sky: &Sky, frame: &[V3; 3]) -> Result<Texture, String> {
     }))
 }
 
-/// A material's base itself, and, in as many rows more, what is seen of it through what diffracts.
+/// Reflection of a material's base and, in as many further rows, its reflection through the diffracting layer.
 fn base(of: &Base, material: &Material, sky: &Sky, frame: &[V3; 3]) -> Texture {
-    // Six cells for as much as the roughness turns what is seen.
+    // Six cells per angular width of the roughness.
     let alpha = if let Over::Same([alpha]) = &of.roughness { *alpha } else { 1.0 };
     let size = ((6.0 / alpha) as usize).clamp(24, 192);
     let count = SAMPLES / (size * size);

@@ -1,4 +1,4 @@
-//! Precomputes the light that flat lookup tables reflect of environments, where that is cheaper than Monte Carlo sampling.
+//! Precomputes the reflection of environments by flat lookup tables, where that is cheaper than Monte Carlo sampling.
 
 use crate::material::SAMPLES;
 use crate::picture::Pilot;
@@ -7,19 +7,22 @@ use crate::prepared_scene::flat::Flat;
 use nacre_base::Result;
 use nacre_base::progress::Progress;
 
-/// Cells along a side of the disc of direction cosines: tried first, and at most.
+/// Initial and largest number of cells along a side of the disc of direction cosines.
 const SIZES: [usize; 2] = [32, 512];
 
-/// Cost of a cell in samples drawn by chance (8 and 0.7 µs on two cores). Counted rather than timed, so that a scene always becomes the same picture.
+/// Cost of a cell in Monte Carlo samples (8 µs and 0.7 µs on two cores). A fixed ratio instead of a measurement, so
+/// that a scene always gives the same picture.
 const CELL: f64 = 12.0;
 
-/// Part of the work of drawing by chance that summing up may take: at worst, where the sample's base is as noisy, it is done in vain.
+/// Largest cost of the precomputation, relative to Monte Carlo sampling. If the sample's base is equally noisy, the
+/// precomputation gains nothing.
 const SHARE: f64 = 0.4;
 
-/// Sums up what flat tables reflect, where that takes less than drawing by chance to the error asked for, in `passes` passes; nothing where it does not.
+/// Precomputes the reflection of flat tables, where that is cheaper than Monte Carlo sampling with `passes` passes to
+/// the target error. Returns `None` where it is not.
 ///
-/// Cells are halved until they differ from those before by less than `allowed`, or at the finest ones by less than `better`: what is then still less than
-/// what drawing by chance would leave. Returns what they are off by in directions that are in view: root mean square over the mean, at most.
+/// Cells are halved until the change is below `allowed`, or below `better`, the residual Monte Carlo noise, at the
+/// finest cells. The result is the largest error in visible directions: root mean square relative to the mean.
 ///
 /// # Errors
 /// `Cancelled`.
@@ -59,7 +62,7 @@ pub(crate) fn sum_up(
     Ok(summed)
 }
 
-/// Does the same for another reading of a scene, with cells half as wide, to compare.
+/// Precomputes the same shapes for another preparation of the scene with half the cell width, for comparison.
 ///
 /// # Errors
 /// `Cancelled`.

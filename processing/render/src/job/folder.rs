@@ -1,4 +1,4 @@
-//! Rendering as a job: from a folder with a scene to one with its picture and a report.
+//! Rendering as a job: reads a folder with a scene, writes a folder with picture and report.
 
 use super::report::{Report, SoFar};
 use super::{render_watched, spectral};
@@ -17,11 +17,11 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Time between two glimpses, and the part of all time that they may take.
+/// Interval between two previews, and their largest share of the total time.
 const PAUSE: Duration = Duration::from_secs(1);
 const SHARE: u32 = 20;
 
-/// Longest side of a glimpse, in pixels.
+/// Longest side of a preview in pixels.
 const SIDE: usize = 1024;
 
 /// Render a scene.
@@ -30,24 +30,26 @@ const SIDE: usize = 1024;
 #[schemars(extend("x-input" = "A folder with one scene (TOML) and the files that it names"))]
 #[schemars(rename = "RenderOptions")]
 pub struct Options {
-    /// Largest number of samples per pixel, on average over pixels with light: half of them go where noise is.
+    /// Largest number of samples per pixel, averaged over lit pixels. Half of the samples are distributed by noise.
     #[schemars(range(min = 1, max = 1_048_576))]
     pub samples: usize,
-    /// Error at which rendering ends: root mean square of the pixels' standard errors over the mean luminance.
+    /// Target error: root mean square of the pixels' standard errors, relative to the mean luminance.
     #[schemars(range(min = 1e-5, max = 1.0))]
     pub max_error: f64,
-    /// Fixed number of wavelengths, evenly spaced in 1/λ; by default as many as each place needs.
+    /// Fixed number of wavelengths, evenly spaced in 1/λ; default: as many as each surface point needs.
     #[schemars(extend("x-advanced" = true))]
     pub wavelengths: Option<usize>,
     /// Also measure the truncation error of the sums over orders and wavelengths.
     #[schemars(extend("x-advanced" = true))]
     pub check: bool,
-    /// Distance of spectral bands in nm (1 to 100) for a spectrum per pixel: channels S0.550,000000nm and so on of the EXR.
+    /// Spacing of spectral bands in nm (1 to 100) for a spectrum per pixel, stored as EXR channels S0.550,000000nm and
+    /// so on.
     #[schemars(extend("x-advanced" = true, "x-aliases" = ["spectral"]))]
     pub spectral_nm: Option<f64>,
-    /// Method for tables under environments: auto is the cheapest that meets the error.
+    /// Method for lookup tables under environments: auto is the cheapest that meets the target error.
     pub method: Method,
-    /// Largest number of terms per channel and part of a table in two passes (1 to 96); by default as many as the error needs.
+    /// Largest number of terms per channel and part of a table in two passes (1 to 96); default: as many as the error
+    /// requires.
     #[schemars(extend("x-advanced" = true))]
     pub rank: Option<usize>,
 }
@@ -60,21 +62,21 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Settings of a rendering.
+    /// Converts to settings of a rendering.
     pub fn settings(&self) -> Settings {
         let Self { samples, max_error, wavelengths, check, spectral_nm, method, rank } = *self;
         Settings { samples, max_error, wavelengths, check, spectral_nm, method, rank, ..Settings::default() }
     }
 }
 
-/// A report with what was asked for.
+/// A report with the requested options.
 #[derive(Debug, Serialize, JsonSchema)]
 #[schemars(rename = "RenderReport")]
 pub struct Written {
     #[serde(flatten)]
     report: Report,
     settings: Options,
-    /// What linear light was multiplied with for the PNG.
+    /// Factor from linear radiance to the PNG.
     exposure: f64,
 }
 
@@ -88,16 +90,17 @@ impl Summary for Written {
     }
 }
 
-/// What a rendering needs at most; many end earlier, once their error is met.
+/// Upper bound of a rendering's work; many renderings end earlier, when they meet the target error.
 fn work(scene: &Scene, options: &Options) -> Work {
     let picture = Info { width: scene.camera.width, height: scene.camera.height, channels: 3, depth: Depth::F32 };
     budget::Operation::Rendering(options.samples).work(picture)
 }
 
-/// What a rendering needs whose time is known from a few passes: `taken_s` seconds of this machine are gone, `left_s` are left.
+/// Work of a rendering whose time is extrapolated from a few passes: `taken_s` seconds have elapsed on this machine,
+/// `left_s` remain.
 pub(super) fn measured_work(scene: &Scene, settings: &Settings, [taken_s, left_s]: [f64; 2]) -> Work {
     let most = work(scene, &Options { samples: settings.samples, ..Options::default() });
-    // A name of its own: the time of `most` is a bound, from which nothing is learned about this one.
+    // A separate operation name: the time in `most` is a bound, from which this estimate must not be calibrated.
     Work { operation: "passes".into(), seconds: left_s * Machine::here().speed, taken_s, ..most }
 }
 
@@ -121,8 +124,8 @@ impl Operation for Options {
     const INPUT: Input = Input::Files;
     type Report = Written;
 
-    /// Does not look into the files that the scene names; they have to lie in the folder. Many renderings end earlier than said, once their
-    /// error is met.
+    /// Does not read the files that the scene refers to; they must lie in the folder. Many renderings end before the
+    /// estimate, when they meet the target error.
     fn check(&self, input: &Path) -> Result<Work> {
         self.settings().check()?;
         let scene = Scene::read(&scene_in(input)?)?;
@@ -132,7 +135,8 @@ impl Operation for Options {
         Ok(work(&scene, self))
     }
 
-    /// Writes `render.exr` and `render.png`. At most once a second, and for at most a twentieth of the time, it shows what is there.
+    /// Writes `render.exr` and `render.png`. Previews are shown at most once a second and take at most a twentieth of
+    /// the time.
     fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Written> {
         let scene = Scene::read(&scene_in(input)?)?;
         let mut due = Instant::now();
@@ -142,7 +146,7 @@ impl Operation for Options {
                 return;
             }
             let small = picture.shrunk(SIDE);
-            // A picture to look at is not worth a failed job.
+            // A failed preview must not fail the job.
             if let Ok(png) = png(&small, scene.exposure.unwrap_or_else(|| exposure(&small))) {
                 progress.show(serde_json::to_value(so_far).unwrap_or_default(), png);
             }

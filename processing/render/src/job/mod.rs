@@ -1,4 +1,4 @@
-//! Renders a scene: passes over a picture until its error is met, a report, and the same as a job on folders.
+//! Renders a scene in passes until the target error is met, with a report, and as a job on folders.
 
 mod flats;
 mod folder;
@@ -24,10 +24,10 @@ use std::path::Path;
 use std::time::Instant;
 use sums::Sums;
 
-/// Seconds between two states that are kept.
+/// Interval in s between saved states.
 const KEEP: f64 = 10.0;
 
-/// Samples of a pixel from which passes have [`WELL_SPREAD`] of them: fewer passes, whose samples are more even.
+/// Samples per pixel from which passes have [`WELL_SPREAD`] samples: fewer passes with better stratification.
 const MANY: usize = 256;
 
 const ASSUMPTIONS: [&str; 4] = [
@@ -37,17 +37,17 @@ const ASSUMPTIONS: [&str; 4] = [
     "linear sRGB of environments stands for spectra that are mixtures of three parts of D65",
 ];
 
-/// Renders a scene whose files are sought in a folder.
+/// Renders a scene whose files are in `folder`.
 ///
 /// # Errors
-/// `Input` for what makes no sense; `Cancelled`; `Output` when the state cannot be kept.
+/// `Input` for invalid scenes and settings; `Cancelled`; `Output` if the state cannot be saved.
 pub fn render(scene: &Scene, folder: &Path, settings: &Settings, progress: &dyn Progress) -> Result<(Picture, Report)> {
     render_watched(scene, folder, settings, progress, &mut |_, _| {})
 }
 
-/// The same, and shows the picture after each pass; rendering waits meanwhile.
+/// As [`render`], with a callback that receives the picture after each pass; rendering waits for it.
 ///
-/// Time, memory and disk are stated after a few passes, whose time is measured.
+/// Time, memory and disk space are reported after a few passes, whose time is measured.
 ///
 /// # Errors
 /// As [`render`].
@@ -159,13 +159,13 @@ pub fn render_watched(
     Ok((picture, report))
 }
 
-/// Passes that an error takes when so many have this one: it falls with their root.
+/// Number of passes for a target error, extrapolated from the present error, which falls with their square root.
 fn expected(picture: &Picture, noise: f64, wanted: f64, most: usize) -> usize {
     let passes = (picture.passes as f64 * (noise / wanted).powi(2)).ceil();
     if passes.is_finite() { (passes as usize).clamp(picture.passes, most) } else { most }
 }
 
-/// Adds a pass of a card's.
+/// Adds a pass rendered on a graphics card.
 fn on_card(card: &mut Card, picture: &mut Picture, progress: &dyn Progress) -> Result<()> {
     progress.check()?;
     let pixels = card
@@ -175,8 +175,8 @@ fn on_card(card: &mut Card, picture: &mut Picture, progress: &dyn Progress) -> R
     Ok(())
 }
 
-/// Renders the first passes of all pixels and predicts the remaining ones from their noise. Returns the pilot `ahead` for a picture that has passes already,
-/// or has fewer than two.
+/// Renders the first passes of all pixels and predicts the remaining ones from their noise. Returns the pilot `ahead`
+/// for a picture that already has passes, or has fewer than two.
 fn own_first_passes(
     ready: &PreparedScene,
     picture: &mut Picture,
@@ -202,7 +202,7 @@ fn own_first_passes(
     Ok(Pilot::of_picture(picture, seconds))
 }
 
-/// The first passes of a card tell what the others will be like.
+/// The first passes on a card predict time and noise of the others.
 fn first_passes(card: &mut Card, picture: &mut Picture, most: usize, progress: &dyn Progress) -> Result<Pilot> {
     let begun = Instant::now();
     let before = picture.passes;

@@ -13,11 +13,11 @@ use std::path::PathBuf;
 /// Predicted passes, noise and time.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Prediction {
-    /// Passes that the error takes, or the samples allow.
+    /// Number of passes required by the target error, or permitted by the sample limit.
     pub passes: usize,
-    /// Error after them.
+    /// Expected error after these passes.
     pub noise: f64,
-    /// Seconds that they take.
+    /// Expected time in s.
     pub seconds: f64,
 }
 
@@ -25,58 +25,59 @@ pub struct Prediction {
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "RenderingReport")]
 pub struct Report {
-    /// Method, in words.
+    /// Description of the method.
     pub method: &'static str,
     /// The graphics card, or "processor".
     pub device: String,
-    /// Pixels of a row, and rows.
+    /// Width and height in pixels.
     pub size: [usize; 2],
-    /// Samples of a pixel, on average over those with light.
+    /// Samples per pixel, averaged over lit pixels.
     pub samples: usize,
-    /// Root mean square of the pixels' standard errors over the mean luminance.
+    /// Root mean square of the pixels' standard errors, relative to the mean luminance.
     pub noise: f64,
-    /// Error of the sums over orders and wavelengths, estimated with finer sums at some pixels: root mean square over their mean
-    /// luminance.
+    /// Truncation error of sums over orders and wavelengths, estimated with finer sums at some pixels: root mean square
+    /// relative to their mean luminance.
     pub predicted_model_error: f64,
-    /// The same, measured against much finer sums of more pixels.
+    /// Truncation error, measured against much finer sums at more pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_model_error: Option<f64>,
-    /// The spectra, if they were asked for.
+    /// Properties of the spectra, if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spectral: Option<SpectralReport>,
     /// Prediction before the first pass.
     pub predicted: Prediction,
-    /// How each material is computed.
+    /// Method of each material.
     pub materials: BTreeMap<String, Notes>,
-    /// Shapes whose tables two passes render under environments, or would.
+    /// Shapes whose tables are rendered, or could be rendered, by two passes under environments.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub environments: Vec<EnvironmentReport>,
-    /// Defaults that decide the picture and that the scene does not state.
+    /// Defaults that determine the picture and are not stated in the scene.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub hints: Vec<String>,
     /// Warnings.
     pub warnings: Vec<String>,
     /// Assumptions of the model.
     pub assumptions: Vec<&'static str>,
-    /// Seconds of everything.
+    /// Total time in s.
     pub seconds: f64,
-    /// Seconds of the passes.
+    /// Time of the passes in s.
     pub seconds_of_passes: f64,
-    /// Files that were written.
+    /// Written files.
     pub files: Vec<PathBuf>,
 }
 
 /// Progress of a rendering.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SoFar {
-    /// Passes that are done.
+    /// Completed passes.
     pub passes: usize,
-    /// Passes that are expected, from how the noise falls.
+    /// Expected total number of passes, extrapolated from the noise.
     pub of: usize,
-    /// Root mean square of the pixels' standard errors over the mean luminance; NaN (null in JSON) after one pass.
+    /// Root mean square of the pixels' standard errors, relative to the mean luminance; NaN (null in JSON) after one
+    /// pass.
     #[serde(deserialize_with = "null_is_nan")]
     pub noise: f64,
-    /// Seconds that the remaining passes take.
+    /// Expected time of the remaining passes in s.
     pub seconds_left: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Pictures with a spectrum per pixel.
 //!
-//! A scene is looked at in three bands at a time, with the very passes of a picture in colours; what bands are is said at [`Bands`].
+//! A scene is rendered in three bands at a time, with the same passes as a colour picture; see [`Bands`].
 
 use crate::light::viewer::Bands;
 use crate::material::SAMPLES;
@@ -16,37 +16,38 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
 
-/// Distances of bands that may be asked for, in nm.
+/// Permitted band spacings in nm.
 pub(crate) const STEPS_NM: [f64; 2] = [1.0, 100.0];
 
-/// Most values of all bands: 1 GiB.
+/// Maximum number of values over all bands: 1 GiB.
 const MOST: usize = 256 << 20;
 
-/// What spectra were like.
+/// Report of the spectra.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct SpectralReport {
-    /// First and last band, in nm.
+    /// Centres of the first and last band in nm.
     pub range_nm: [f64; 2],
-    /// Distance of two bands, in nm.
+    /// Spacing of the bands in nm.
     pub step_nm: f64,
-    /// Bands.
+    /// Number of bands.
     pub bands: usize,
-    /// Samples of each pixel, at most, for three bands at a time.
+    /// Maximum number of samples per pixel for three bands at a time.
     pub samples: usize,
-    /// Largest noise of three bands: root mean square of the standard errors of their mean over the mean; unknown after a single pass.
+    /// Largest noise over groups of three bands: root mean square of the standard errors of their mean, relative to the
+    /// mean; `None` after a single pass.
     pub noise: Option<f64>,
-    /// Seconds that it took.
+    /// Computing time in s.
     pub seconds: f64,
 }
 
-/// The bands of a distance: from one end of the spectrum to the other, a little nearer to each other where that does not divide it.
+/// Bands over the whole spectrum. The spacing is reduced slightly if it does not divide the range.
 fn wavelengths(step_nm: f64) -> (f64, Vec<f64>) {
     let count = ((RANGE_NM[1] - RANGE_NM[0]) / step_nm).ceil().max(1.0);
     let step = (RANGE_NM[1] - RANGE_NM[0]) / count;
     (step, (0..=count as usize).map(|k| RANGE_NM[0] + step * k as f64).collect())
 }
 
-/// Refuses distances of bands that make no sense, and materials that have no spectrum.
+/// Refuses invalid band spacings, and materials without a spectrum.
 pub(crate) fn check(scene: &Scene, step_nm: f64) -> Result<()> {
     if !(STEPS_NM[0]..=STEPS_NM[1]).contains(&step_nm) {
         let problem = format!("are {step_nm} nm apart");
@@ -67,7 +68,7 @@ pub(crate) fn check(scene: &Scene, step_nm: f64) -> Result<()> {
     Ok(())
 }
 
-/// Looks at a scene in bands, three at a time, until each three have the error that the settings ask for.
+/// Renders a scene in bands, three at a time, until each group meets the target error.
 pub(crate) fn spectra(
     mut ready: PreparedScene,
     (scene, folder): (&Scene, &Path),

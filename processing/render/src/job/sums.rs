@@ -1,7 +1,8 @@
-//! Sums over orders and wavelengths that are exact enough for what is in view, which a look at some pixels tells.
+//! Selects the accuracy of sums over orders and wavelengths, by comparison with finer sums at some pixels.
 //!
-//! What a sum leaves out is known of whole lobes. A picture may hold nothing but the far flanks of lobes, where the same rest is all
-//! that there is, or lobes under an environment, where it is next to nothing; so sums are compared with finer ones where they are looked at.
+//! The truncation error of a sum is known for whole lobes. A picture may show only the far flanks of lobes, where the
+//! truncated part is all the light there is, or lobes under an environment, where it is negligible. Sums are therefore
+//! compared with finer ones in the visible directions.
 
 use super::flats;
 use super::two_pass::{self, EnvironmentReport};
@@ -15,39 +16,41 @@ use nacre_base::Result;
 use nacre_base::progress::Progress;
 use std::path::Path;
 
-/// Part of the wanted error that sums may take.
+/// Share of the target error that truncation may take.
 const MODEL: f64 = 0.25;
 
-/// Part of the noise that samples would leave that what is summed up instead may be off by: the same as of a wanted error.
+/// Largest error of precomputed sums relative to the Monte Carlo noise that they replace; the same ratio as for the
+/// target error.
 const BETTER: f64 = 0.25;
 
-/// Finer sums are asked for this part of the error, and for finer ones still so many times. A sixteenth left flanks out that both sums did not
-/// follow: errors were 2.4 times as large as was said, once.
+/// Ratio of the error of finer sums to that of the tested ones, applied again for each finer step. With 1/16, both sums
+/// once missed the same flanks, and the true error was 2.4 times the estimate.
 const FINER: f64 = 1.0 / 64.0;
 const TRIES: usize = 4;
 
-/// Pixels that are looked at.
+/// Number of compared pixels.
 const LOOKED_AT: usize = 1024;
 
-/// What a check looks at, and how much finer its sums are.
+/// Number of pixels in a check, and the refinement of its sums.
 const CHECKED: usize = 4096;
 const CHECK: f64 = 1e-2;
 
-/// A scene whose sums are exact enough.
+/// A scene with sums of sufficient accuracy.
 pub(crate) struct Sums {
     pub ready: PreparedScene,
-    /// What they are off by: root mean square over some pixels, over their mean luminance; 0 in the dark.
+    /// Root mean square error of the sums over some pixels, relative to their mean luminance; 0 in the dark.
     pub error: f64,
-    /// What they were allowed.
+    /// Permitted error.
     pub allowed: f64,
-    /// Measured error of two passes, as that of the sums; 0 without them.
+    /// Measured error of two passes, in the same measure; 0 without them.
     pub two_pass: f64,
-    /// How tables are rendered under environments.
+    /// Methods for tables under environments.
     pub environments: Vec<EnvironmentReport>,
 }
 
 impl Sums {
-    /// The coarsest sums whose error is allowed, or the finest that are tried. Sums over given wavelengths are taken as they are.
+    /// Finds the coarsest sums with a permitted error, or the finest tested ones. Sums over given wavelengths are used
+    /// unchanged.
     ///
     /// # Errors
     /// As [`PreparedScene::new`].
@@ -63,7 +66,7 @@ impl Sums {
             let accuracy = Accuracy::new(asked * FINER, None);
             let fine = PreparedScene::like(Some(&coarse), scene, folder, accuracy, progress)?;
             let error = compared(&coarse, &fine, LOOKED_AT, progress)?;
-            // What is dark may be a flank that neither has followed so far.
+            // Darkness may be a flank that neither sum has followed so far.
             if error.is_some_and(|e| e <= allowed) || left == 0 || settings.wavelengths.is_some() {
                 return Ok(Self::of(coarse, error.unwrap_or(0.0), allowed));
             }
@@ -76,14 +79,15 @@ impl Sums {
         Self { ready, error, allowed, two_pass: 0.0, environments: vec![] }
     }
 
-    /// Noise that passes may leave: what two passes leave of the error asked for, or that error where they leave nothing of it.
+    /// Noise that passes may leave: the remainder of the target error after that of two passes, or the whole target
+    /// error if nothing remains.
     pub(crate) fn noise(&self, wanted: f64) -> f64 {
         let left = wanted * wanted - self.two_pass * self.two_pass;
         if left > 0.0 { left.sqrt() } else { wanted }
     }
 
-    /// The pilot of the picture. Flat samples are summed up first if that takes less time than the samples that reach the error asked for, whether or not
-    /// that many samples are allowed.
+    /// The pilot of the picture. Flat samples are precomputed first if that is faster than sampling to the target
+    /// error, regardless of the sample limit.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -93,7 +97,8 @@ impl Sums {
             return Ok(pilot);
         }
         let passes = pilot.passes(settings.max_error, MOST_SAMPLES / SAMPLES);
-        // Where samples do not suffice, what is summed up may be off by more, as long as it is off by less than they.
+        // Where samples do not reach the target error, the precomputed sums may have a larger error, as long as it is
+        // below that of the samples.
         let left = pilot.noise(pilot.passes(settings.max_error, most));
         let better = if left > settings.max_error { BETTER * left } else { 0.0 };
         let mut changed = false;
@@ -109,7 +114,7 @@ impl Sums {
         if changed { Pilot::new(&self.ready, progress) } else { Ok(pilot) }
     }
 
-    /// The same error, against much finer sums of more pixels.
+    /// Measures the error against much finer sums at more pixels.
     ///
     /// # Errors
     /// As [`PreparedScene::new`].
@@ -117,12 +122,12 @@ impl Sums {
         let accuracy = Accuracy::new(CHECK * self.ready.accuracy.error, None);
         let mut fine = PreparedScene::like(Some(&self.ready), scene, folder, accuracy, progress)?;
         flats::sum_up_finer(&mut fine, &self.ready, progress)?;
-        // Two passes were measured already; samples in their place would count as an error.
+        // The error of two passes is already known; samples in their place would count as an error.
         fine.two_passes.clone_from(&self.ready.two_passes);
         Ok(compared(&self.ready, &fine, CHECKED, progress)?.unwrap_or(0.0).hypot(self.two_pass))
     }
 
-    /// What to know of two passes that miss the error asked for.
+    /// Warning for two passes that miss the target error.
     pub(crate) fn two_pass_warning(&self, wanted: f64) -> Option<String> {
         (self.two_pass > wanted).then(|| {
             format!(
@@ -133,9 +138,9 @@ impl Sums {
         })
     }
 
-    /// What to know of them.
+    /// Warning about the truncation error.
     pub(crate) fn warning(&self) -> Option<String> {
-        // Next to what is allowed is near enough: it is a part of the whole error only.
+        // Twice the permitted error is tolerated, since it is only a part of the total.
         (self.error > 2.0 * self.allowed).then(|| {
             format!(
                 "sums over orders, wavelengths and skies are off by {:.2} %, {:.2} % are allowed: what is in view is far from any order, or light and \

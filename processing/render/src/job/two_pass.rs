@@ -1,4 +1,5 @@
-//! Chooses two passes for shapes made of tables, and measures their error against samples of the whole integral.
+//! Selects two-pass rendering for shapes with lookup tables, and measures its error against samples of the full
+//! integral.
 
 use crate::material::SAMPLES;
 use crate::material::diffraction::Diffraction;
@@ -15,7 +16,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Filtered environments that are tried, from coarse to fine.
+/// Tested resolutions of filtered environments, from coarse to fine.
 const LADDER: [Fineness; 4] = [
     Fineness { width: 128, poles: 24, tilts: 0.3 },
     Fineness { width: 256, poles: 48, tilts: 0.2 },
@@ -23,45 +24,47 @@ const LADDER: [Fineness; 4] = [
     Fineness { width: 1024, poles: 192, tilts: 0.09 },
 ];
 
-/// Least and largest error of the table that terms are taken for.
+/// Smallest and largest table error from which the number of terms follows.
 const ERRORS: [f64; 2] = [1e-3, 0.3];
 
-/// A finer step is worth trying while the one before made the error this many times smaller.
+/// A finer resolution is tested while the previous one reduced the error to less than this fraction.
 const WORTH: f64 = 0.9;
 
-/// Multiplications of the passes that take the time of a sample (0.7 µs on two cores). Counted rather than timed, so that a scene always becomes
-/// the same picture.
+/// Multiplications of the passes per Monte Carlo sample (0.7 µs on two cores). A fixed ratio instead of a measurement,
+/// so that a scene always gives the same picture.
 const PER_SAMPLE: f64 = 7000.0;
 
-/// Part of the samples that the error takes which filtering, and measuring, may take at most.
+/// Largest cost of filtering, and of the measurement, relative to the samples that the target error requires.
 const SHARE: f64 = 0.4;
 const MEASURING: f64 = 0.15;
 
-/// Samples whose time filtering may take in any case where two passes are asked for.
+/// Cost of filtering, in samples, that is always permitted if two passes are requested.
 const FORCED: f64 = 2e7;
 
-/// Rays along a side of the picture that say which poles are needed.
+/// Rays along a side of the picture that determine the necessary poles.
 const RAYS: usize = 192;
 
-/// Places at which the error is measured, and samples at each: enough that they leave half the error asked for, at most so many.
+/// Number of points at which the error is measured, and the largest number of samples at each, chosen to leave half the
+/// target error.
 const PLACES: usize = 256;
 const FINER: usize = 4;
 const MOST_AT_PLACE: usize = 1 << 16;
 
-/// The same where two passes are asked for, which are fast: what is left is told by a larger error.
+/// Largest number of samples at each point if two passes are requested, which are fast; the larger noise is added to
+/// the reported error.
 const FEW_AT_PLACE: usize = 4096;
 
-/// Strata of the samples at a place, and fewest groups of them.
+/// Strata of the samples at a point, and smallest number of groups.
 const STRATA: usize = 16;
 const FEWEST: usize = 4;
 
 /// Standard deviations of the measurement that are added to the measured error.
 const SURE: f64 = 2.0;
 
-/// Part of the samples that two passes have to spare.
+/// Smallest saving of samples for which two passes are selected.
 const GAIN: f64 = 0.2;
 
-/// How a shape's table is rendered under environments.
+/// Method of rendering a shape's table under environments.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct EnvironmentReport {
     /// Key of the shape in the scene.
@@ -70,58 +73,60 @@ pub struct EnvironmentReport {
     pub method: &'static str,
     /// Reason for the method.
     pub why: String,
-    /// Most terms per channel of each part of the table, over all tilts.
+    /// Largest number of terms per channel of each part of the table, over all tilts.
     pub rank: Vec<usize>,
-    /// Root mean square of what the terms leave out of the table, over the table's own.
+    /// Root mean square residual of the table after these terms, relative to the table's root mean square.
     pub table_error: f64,
-    /// Columns and rows of the filtered environments.
+    /// Width and height of the filtered environments in pixels.
     pub environment: [usize; 2],
-    /// Filtered environments.
+    /// Number of filtered environments.
     pub poles: usize,
-    /// Angle of view up to which places are looked up, in degrees from the normal; others are sampled.
+    /// Largest angle of view, in degrees from the normal, at which the filtered environments are used; beyond it
+    /// samples are used.
     pub up_to_deg: f64,
-    /// Part of the shape in view that is looked up.
+    /// Fraction of the visible shape that uses the filtered environments.
     pub looked_up: f64,
-    /// Error of the picture, root mean square over its mean luminance, measured against samples of the whole integral: terms left out, pixels of the
-    /// environment, poles and views off the normal. Two standard deviations of the measurement are included.
+    /// Measured root mean square error of the picture against samples of the full integral, relative to its mean
+    /// luminance. It includes truncation, the resolution of the environment, poles and views off the normal, plus two
+    /// standard deviations of the measurement.
     pub measured_error: f64,
 }
 
-/// What two passes do to a picture.
+/// Effect of two passes on a picture.
 pub(crate) struct Outcome {
     pub reports: Vec<EnvironmentReport>,
     /// Error of all shapes together, as in the reports.
     pub error: f64,
 }
 
-/// Two passes of a shape that have been measured.
+/// Two passes of a shape whose error has been measured.
 struct Tried {
     filtered: TwoPass,
     fineness: Fineness,
     poles: usize,
-    /// Samples that it takes the time of.
+    /// Cost in samples.
     cost: f64,
     choice: Choice,
 }
 
-/// Which places are looked up.
+/// The points that use the filtered environments.
 #[derive(Clone, Copy)]
 struct Choice {
     least_cosine: f64,
     looked_up: f64,
     error: f64,
-    /// Samples that are left, over those without two passes.
+    /// Fraction of samples that remain.
     left: f64,
 }
 
-/// What a shape is measured by.
+/// Reference luminances of a shape.
 struct Reference {
     places: Vec<Place>,
-    /// Part of the picture's rays that meet the shape, over the square of the picture's mean luminance.
+    /// Fraction of the picture's rays that hit the shape, divided by the square of the picture's mean luminance.
     scale: f64,
 }
 
-/// A place and its luminance by samples.
+/// A point and its luminance by samples.
 struct Place {
     hit: Hit,
     seen: Seen,
@@ -132,10 +137,11 @@ struct Place {
     deviation: f64,
 }
 
-/// Has two passes render the shapes where the method asks for them, or where they spare samples at the error asked for, which takes `passes`.
+/// Assigns two passes to shapes if the method requires them, or if they save samples at the target error, which takes
+/// `passes`.
 ///
 /// # Errors
-/// `Input` where two passes are asked for and no shape can have them, or curves are refused; `Cancelled`.
+/// `Input` if two passes are requested and no shape supports them, or if curves are invalid; `Cancelled`.
 pub(crate) fn two_passes(
     ready: &mut PreparedScene,
     pilot: &Pilot,
@@ -187,14 +193,15 @@ impl Work<'_> {
         self.settings.method == Method::TwoPass
     }
 
-    /// Samples that the shape takes without two passes.
+    /// Number of samples of the shape without two passes.
     fn by_chance(&self) -> f64 {
         let [width, height] = self.ready.size();
         let part = self.seen.len() as f64 / (RAYS * RAYS) as f64;
         part * (width * height) as f64 * (self.passes * SAMPLES) as f64
     }
 
-    /// How the shape is rendered, and what was filtered for it; adds to the picture's error. None where it is not worth a try.
+    /// Selects the method of the shape and filters its environments; adds to the picture's error. `None` if two passes
+    /// are not worth a test.
     fn report(&self, error: &mut f64, progress: &dyn Progress) -> Result<Option<(EnvironmentReport, Option<TwoPass>)>> {
         let Some(count) = self.samples_at_place() else { return Ok(None) };
         let Some(Diffraction::Table(table)) = &self.ready.materials[self.ready.shapes[self.shape].material].diffraction
@@ -261,7 +268,7 @@ impl Work<'_> {
         }
     }
 
-    /// Samples at each place that the error is measured with; none where that is too much for what it may spare.
+    /// Samples per point for the error measurement; `None` if they cost more than two passes may save.
     fn samples_at_place(&self) -> Option<usize> {
         let places = self.seen.len().min(PLACES);
         let wanted = FINER.saturating_mul(self.passes * SAMPLES);
@@ -275,10 +282,10 @@ impl Work<'_> {
         if self.forced() { Some(count.max(least)) } else { (count >= least).then_some(count) }
     }
 
-    /// Luminances of some places by samples.
+    /// Luminances of some points by samples.
     fn reference(&self, count: usize, progress: &dyn Progress) -> Result<Reference> {
         let every = self.seen.len().div_ceil(PLACES);
-        // Of each group one by chance, so that places lie on no grid.
+        // A random point of each group, to avoid a regular grid.
         let groups: Vec<&[(usize, Hit)]> = self.seen.chunks(every).collect();
         let place = |group: &&[(usize, Hit)]| {
             let first = group[0].0;
@@ -311,7 +318,8 @@ impl Work<'_> {
         Ok(Reference { places, scale: part / self.pilot.mean.powi(2) })
     }
 
-    /// The best of the ladder, as far as it pays; none where not even its first step does, or nothing fits.
+    /// The best resolution of the ladder within the cost limit; `None` if even the first step exceeds it, or does not
+    /// fit into memory.
     fn best(&self, curves: &Curves, reference: &Reference, progress: &dyn Progress) -> Result<Option<Tried>> {
         let seen: Vec<Seen> = self.seen.iter().map(|(_, hit)| self.ready.seen(hit, self.shape)).collect();
         let mut best: Option<Tried> = None;
@@ -349,13 +357,15 @@ impl Work<'_> {
         Ok(best)
     }
 
-    /// Which places are looked up: all if two passes are asked for; else those seen more steeply than some angle, which spares the most samples.
+    /// Selects the points that use the filtered environments: all if two passes are requested. Otherwise those within
+    /// the angle of view that saves the most samples.
     fn choice(&self, reference: &Reference, filtered: &TwoPass) -> Choice {
         let count = reference.places.len() as f64;
         let square = |place: &Place| {
             let found =
                 self.ready.under_skies((&place.hit, self.shape), &place.seen, Some(filtered), &mut Stream::of(0));
-            // The samples' own variance is no error of the passes. Where nothing was filtered, samples are taken.
+            // The variance of the samples is not an error of the passes and is subtracted. Points without a filtered
+            // environment use samples.
             found.map_or(0.0, |found| (found - place.mean).powi(2) - place.variance)
         };
         let squares: Vec<f64> = reference.places.par_iter().map(square).collect();
@@ -373,7 +383,8 @@ impl Work<'_> {
             let last = k + 1 == squares.len();
             let looked_up = (k + 1) as f64 / count;
             let least_cosine = if last { 0.0 } else { place.cos };
-            // Samples go where noise is, in proportion to its deviation, and are to leave what two passes leave of the error.
+            // Samples are distributed in proportion to the standard deviation, and must leave the remainder of the
+            // target error after two passes.
             let rest = if all > 0.0 { (1.0 - deviations / all).max(0.0).powi(2) } else { 0.0 };
             let left = rest / (1.0 - (error / wanted).powi(2)).max(0.0);
             let choice =

@@ -1,4 +1,4 @@
-//! Lights, as a place on a surface sees them.
+//! Lights, as seen from a point on a surface.
 
 pub(crate) mod spectrum;
 pub(crate) mod viewer;
@@ -12,55 +12,55 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use viewer::Viewer;
 
-/// Limits of strengths.
+/// Permitted range of strengths.
 const STRENGTHS: [f64; 2] = [0.0, 1e12];
 
-/// Smallest light, in rad: one that is smaller is as wide as this.
+/// Smallest angular size of a light in rad; smaller lights are enlarged to it.
 pub(crate) const POINT: f64 = 1e-6;
 
-/// Strata of a rectangle along each side.
+/// Strata along each side of a rectangular light.
 const STRATA: usize = 4;
 
-/// A light ready to shine.
+/// A prepared light.
 pub(crate) struct Lamp {
     pub kind: Kind,
-    /// Of its spectrum.
+    /// Its spectrum, as seen by the observer.
     pub seen: Seen,
 }
 
-/// What a light is.
+/// Kind of a light.
 pub(crate) enum Kind {
     Point { at: V3, intensity: f64, sigma: f64, beam: Option<(V3, f64)> },
     Far { towards: V3, illuminance: f64, sigma: f64 },
     Rectangle { center: V3, frame: [V3; 3], half: [f64; 2], luminance: f64 },
 }
 
-/// A part of a light from a place.
+/// A part of a light, seen from a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Beam {
-    /// Towards the light.
+    /// Direction towards the light.
     pub towards: V3,
     pub distance: f64,
-    /// Illuminance of what faces it.
+    /// Illuminance of a surface that faces the light.
     pub illuminance: f64,
-    /// Standard deviation of its directions, in rad.
+    /// Standard deviation of its directions in rad.
     pub sigma: f64,
 }
 
-/// A part of a light in a place's frame.
+/// A part of a light in the frame of a point.
 pub(crate) struct Source<'a> {
-    /// Towards its middle.
+    /// Direction towards its centre.
     pub light: [f64; 3],
-    /// Standard deviation of its directions, in rad.
+    /// Standard deviation of its directions in rad.
     pub width: f64,
-    /// Of its spectrum.
+    /// Its spectrum, as seen by the observer.
     pub seen: &'a Seen,
-    /// Two numbers from 0 to 1 that choose a place of it.
+    /// Two random numbers from 0 to 1 that select a point of the light.
     pub chance: [f64; 2],
 }
 
 impl Source<'_> {
-    /// The direction of a place of it by chance, for what takes it for a point.
+    /// Direction of a random point of the light, for materials that need a point source.
     pub(crate) fn drawn(&self) -> [f64; 3] {
         let light = V3::from(self.light);
         let first = if light.x.abs() < 0.9 { V3::x() } else { V3::y() };
@@ -72,7 +72,7 @@ impl Source<'_> {
     }
 }
 
-/// Light from everywhere.
+/// Environment light.
 pub(crate) struct Sky {
     pub map: Environment,
     /// Directions of the map's axes.
@@ -83,7 +83,7 @@ pub(crate) struct Sky {
 }
 
 impl Lamp {
-    /// Of a description, turned about z by an angle in rad; none for an environment.
+    /// Prepares a described light, rotated about z by an angle in rad; `None` for an environment.
     pub(crate) fn new(
         name: &str,
         light: &scene::Light,
@@ -132,7 +132,8 @@ impl Lamp {
         Ok(Some(Self { kind, seen }))
     }
 
-    /// Its parts from a place; two numbers from 0 to 1 choose the places of those of a rectangle.
+    /// Calls `each` with the parts of the light seen from a point; two numbers from 0 to 1 select points within the
+    /// strata of a rectangle.
     pub(crate) fn beams(&self, from: V3, u: [f64; 2], mut each: impl FnMut(Beam)) {
         match &self.kind {
             Kind::Far { towards, illuminance, sigma } => {
@@ -162,7 +163,8 @@ impl Lamp {
                     let cos = -towards.dot(&frame[2]);
                     if cos > 0.0 {
                         let area = 4.0 * half[0] * half[1] / (n * n);
-                        // A square cell blurred as much as it is wide, by its own cosine.
+                        // The stratum is replaced by a Gaussian with the variance of a square cell, foreshortened by
+                        // its cosine.
                         let sigma = (area * cos / 12.0).sqrt() / distance;
                         let illuminance = luminance * area * cos / (distance * distance);
                         each(Beam { towards, distance, illuminance, sigma: sigma.max(POINT) });
@@ -174,7 +176,7 @@ impl Lamp {
 }
 
 impl Sky {
-    /// Of a description; none for other lights.
+    /// Prepares a described environment; `None` for other lights.
     pub(crate) fn new(
         name: &str,
         light: &scene::Light,
@@ -197,7 +199,8 @@ impl Sky {
         let strength = number(&key("luminance"), *luminance, STRENGTHS)?;
         let turn = number(&key("turn_deg"), *turn_deg, [-3600.0, 3600.0])?.to_radians();
         let z = direction(&key("up"), *up)?;
-        // The picture's middle is towards +z of the scene, behind the viewer of a sample, unless that is the zenith.
+        // The centre of the picture points towards +z of the scene, behind the viewer of a sample, unless that is the
+        // zenith.
         let first = across("", [0.0, 0.0, 1.0], z).or_else(|_| across("", [1.0, 0.0, 0.0], z))?;
         let (sin, cos) = turn.sin_cos();
         let second = z.cross(&first);
@@ -214,12 +217,12 @@ impl Sky {
         self.map.radiance(local).map(|v| f64::from(v) * self.strength)
     }
 
-    /// Distance of wave numbers, in 1/µm, at which sums over its spectrum alone are right.
+    /// Wave-number step in 1/µm at which sums over the spectrum alone are accurate.
     pub(crate) fn fine(&self) -> f64 {
         self.upsampling.fine().min(0.05)
     }
 
-    /// A direction, the radiance from there and its density per solid angle.
+    /// A sampled direction, its radiance and its density per solid angle.
     pub(crate) fn sample(&self, u: [f64; 2]) -> (V3, [f64; 3], f64) {
         let ([x, y, z], rgb, density) = self.map.sample(u);
         (self.frame[0] * x + self.frame[1] * y + self.frame[2] * z, rgb.map(|v| f64::from(v) * self.strength), density)

@@ -1,4 +1,4 @@
-//! Light over wave numbers `ν = 1/λ` (1/µm), and what an observer sees of it.
+//! Spectra over wave numbers `ν = 1/λ` (1/µm), and their tristimulus values.
 
 use crate::light::viewer::{RANGE, Viewer};
 use crate::scene;
@@ -9,44 +9,44 @@ use nacre_optics::color::{Illuminant, Observer, linear_srgb, xyz_of_linear_srgb}
 use nalgebra::Matrix3;
 use std::path::Path;
 
-/// Points of a table.
+/// Number of points of a table.
 const POINTS: usize = 2001;
 
-/// Width of a line: its standard deviation in nm.
+/// Standard deviation of a spectral line in nm.
 const LINE_NM: f64 = 0.85;
 
-/// Where parts of a spectrum that stands for linear sRGB meet, in nm, and how softly.
+/// Boundaries of the three parts of D65 that represent linear sRGB, and width of their transition, in nm.
 const MEET_NM: [f64; 2] = [495.0, 585.0];
 const SOFT_NM: f64 = 12.0;
 
-/// A light's spectrum as an viewer sees it.
+/// A light's spectrum as seen by a viewer.
 pub(crate) struct Seen {
-    /// X, Y, Z (or three bands) per wave number, at even wave numbers; the observer's Y of the whole light is 1.
+    /// X, Y, Z (or three bands) per wave number, at equidistant wave numbers; the observer's Y of the whole light is 1.
     pub table: Vec<[f64; 3]>,
-    /// First wave number and distance of two.
+    /// First wave number and step.
     pub first: f64,
     pub step: f64,
-    /// Distance of wave numbers at which sums over the spectrum alone are right.
+    /// Wave-number step at which sums over the spectrum alone are accurate.
     pub fine: f64,
-    /// What red, green and blue of 1 in linear sRGB, reflected, add to X, Y, Z (or to the bands).
+    /// Contributions to X, Y, Z (or to the bands) of unit red, green and blue reflectance in linear sRGB.
     colors: [[f64; 3]; 3],
-    /// Linear sRGB of the light itself, as an observer sees it.
+    /// Linear sRGB of the light itself, as seen by the observer.
     pub rgb: [f64; 3],
 }
 
-/// Wave numbers that divide a range evenly, and the trapezoid rule's weights.
+/// Equidistant wave numbers over a range, with the weights of the trapezoid rule.
 fn points([from, to]: [f64; 2]) -> impl Iterator<Item = (f64, f64)> {
     let step = (to - from) / (POINTS - 1) as f64;
     (0..POINTS).map(move |k| (from + step * k as f64, if k == 0 || k == POINTS - 1 { 0.5 * step } else { step }))
 }
 
-/// dλ/dν, in nm times 1e-3.
+/// dλ/dν in nm, times 1e-3.
 fn per_number(number: f64) -> f64 {
     1.0 / (number * number)
 }
 
 impl Seen {
-    /// Of a power over wavelengths, within a range of wave numbers; none if the observer does not see it.
+    /// Tabulates a power over wavelengths, within a range of wave numbers; `None` if the observer does not see it.
     fn tabled(range: [f64; 2], viewer: Viewer, error: f64, power: impl Fn(f64) -> f64) -> Option<Self> {
         let weight = |number: f64| power(1e3 / number) * per_number(number);
         let white: f64 =
@@ -64,7 +64,7 @@ impl Seen {
             let mut sum = [0.0; 6];
             for (k, w) in table.iter().enumerate().step_by(stride) {
                 let end = if k == 0 || k == POINTS - 1 { 0.5 } else { 1.0 };
-                // Against a flat and a rising spectrum.
+                // Tested against a flat and a linear spectrum.
                 let rise = k as f64 / POINTS as f64;
                 (0..3).for_each(|c| {
                     sum[c] += w[c] * step * stride as f64 * end;
@@ -76,7 +76,8 @@ impl Seen {
         let truth = sum(1);
         let off = |stride: usize| sum(stride).iter().zip(truth).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
         let scale = if viewer.bands.is_some() { truth[..3].iter().fold(0.0_f64, |m, v| m.max(*v)) } else { 1.0 };
-        // Strides that divide the table, from the coarsest; a finer one that is wrong means that a coarse one was right by chance.
+        // Strides that divide the table, from the coarsest. If a finer one fails, a coarser one passed only by
+        // coincidence.
         let strides = [125, 100, 80, 50, 40, 25, 20, 16, 10, 8, 5, 4, 2, 1];
         let right = strides.iter().rposition(|s| off(*s) > error * scale).map_or(0, |k| (k + 1).min(strides.len() - 1));
         let rgb = linear_srgb([0, 1, 2].map(|c| truth[c] as f32)).map(f64::from);
@@ -84,10 +85,10 @@ impl Seen {
         Some(Self { table, first: range[0], step, fine: step * strides[right] as f64, colors, rgb })
     }
 
-    /// Of a description; sums over it are to be off by less than `error`.
+    /// Prepares a described spectrum; the error of sums over it is below `error`.
     ///
     /// # Errors
-    /// `Input` for lights that are none, or that nobody sees.
+    /// `Input` for invalid and invisible lights.
     pub(crate) fn new(subject: &str, of: &scene::Spectrum, folder: &Path, viewer: Viewer, error: f64) -> Result<Self> {
         let found = match of {
             scene::Spectrum::LineNm(nm) => {
@@ -112,7 +113,7 @@ impl Seen {
         Ok(seen)
     }
 
-    /// What is seen of it after a reflectance, in linear sRGB.
+    /// Linear sRGB of the light after reflection by a surface of this linear sRGB reflectance.
     #[inline]
     pub(crate) fn reflected(&self, rgb: [f64; 3]) -> [f64; 3] {
         let [r, g, b] = &self.colors;
@@ -138,14 +139,14 @@ impl Seen {
     }
 }
 
-/// Spectra for linear sRGB: white is D65, and every colour is seen as itself. Three parts of D65 that meet at 495 and 585 nm are mixed; the
-/// mixture of a saturated colour can be negative somewhere.
+/// Spectra for linear sRGB: white is D65, and every colour is reproduced exactly. They are mixtures of three parts of
+/// D65 that meet at 495 and 585 nm; the mixture of a saturated colour may be negative in places.
 pub(crate) struct Upsampling {
     light: Seen,
     parts: Parts,
 }
 
-/// How much of D65 stands for red, green and blue, over the wave numbers that are seen.
+/// Factors on D65 that represent red, green and blue, over the visible wave numbers.
 struct Parts(Vec<[f64; 3]>);
 
 fn d65(viewer: Viewer, error: f64) -> Result<Seen> {
@@ -160,7 +161,7 @@ impl Parts {
             let [low, high] = MEET_NM.map(|at| 0.5 + 0.5 * libm::tanh((nm - at) / SOFT_NM));
             [high, low - low * high, 1.0 - low]
         };
-        // Colours of the three parts; the inverse tells how much of each a colour takes.
+        // Colours of the three parts; the inverse matrix gives the mixture for a colour.
         let mut colors = Matrix3::<f64>::zeros();
         let mut sums = [[0.0; 3]; 3];
         for (k, w) in light.table.iter().enumerate() {
@@ -174,7 +175,8 @@ impl Parts {
             (0..3).for_each(|c| colors[(c, j)] = f64::from(rgb[c]));
         }
         let inverse = colors.try_inverse().unwrap_or_else(Matrix3::identity);
-        // The light's own colour is not quite (1, 1, 1), as 380 to 780 nm is not all: white is to be it.
+        // The light's colour differs slightly from (1, 1, 1), since the range of 380 to 780 nm is truncated; white must
+        // reproduce it.
         let shift: [f64; 3] = [0, 1, 2].map(|c| inverse.row(c).sum());
         let part = |k: usize| {
             let part = raw(k);
@@ -188,7 +190,7 @@ impl Parts {
         self.0[(place.round().max(0.0) as usize).min(POINTS - 1)]
     }
 
-    /// What red, green and blue of 1, reflected, are seen as under a light.
+    /// Colours of unit red, green and blue reflectance under a light.
     fn colors(&self, light: &Seen) -> [[f64; 3]; 3] {
         let mut sums = [[0.0; 3]; 3];
         for ((number, weight), seen) in points(light.range()).zip(&light.table) {
@@ -205,13 +207,14 @@ impl Upsampling {
         let parts = Parts::new(viewer.observer, error)?;
         let mut light = d65(viewer, error)?;
         if viewer.bands.is_none() {
-            // Every colour is seen as itself.
+            // Every colour is reproduced exactly.
             light.colors = [0, 1, 2].map(|k| xyz([0, 1, 2].map(|c| if c == k { 1.0 } else { 0.0 })));
         }
         Ok(Self { light, parts })
     }
 
-    /// What red, green and blue of 1 add to X, Y and Z (or to the bands) per wave number: by colour, then by X, Y, Z.
+    /// Contributions of unit red, green and blue to X, Y and Z (or to the bands) per wave number: by colour, then by X,
+    /// Y, Z.
     pub(crate) fn at(&self, number: f64) -> [[f64; 3]; 3] {
         let xyz = self.light.at(number);
         self.parts.at(number).map(|p| xyz.map(|v| v * p))
@@ -223,12 +226,12 @@ impl Upsampling {
         self.light.reflected(rgb)
     }
 
-    /// Distance of wave numbers at which sums over the spectrum alone are right.
+    /// Wave-number step at which sums over the spectrum alone are accurate.
     pub(crate) fn fine(&self) -> f64 {
         self.light.fine
     }
 
-    /// Least and most wave number that is seen.
+    /// Smallest and largest visible wave number.
     pub(crate) fn range(&self) -> [f64; 2] {
         self.light.range()
     }

@@ -1,26 +1,27 @@
-//! Who looks at a picture: an observer, or narrow bands of a spectrum.
+//! Spectral response of a picture: an observer, or narrow bands of a spectrum.
 
 use nacre_brdf::RANGE_NM;
 use nacre_optics::color::{Observer, linear_srgb};
 
-/// Least and most wave number that is seen, in 1/µm.
+/// Smallest and largest visible wave number in 1/µm.
 pub(crate) const RANGE: [f64; 2] = [1e3 / RANGE_NM[1], 1e3 / RANGE_NM[0]];
 
-/// Three numbers per wavelength: an observer's X, Y, Z, or three bands that lie side by side.
+/// Three responses per wavelength: an observer's X, Y, Z, or three adjacent bands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Viewer {
-    /// Whose Y is the unit of a light.
+    /// Observer whose Y is the unit of a light.
     pub observer: Observer,
     pub bands: Option<Bands>,
 }
 
-/// Three bands: each is a triangle over wavelengths that ends where its neighbours have their peaks, so that all bands together see every
-/// wavelength alike. What a band sees is the mean of a spectrum, and a spectrum that is straight between peaks has those values there.
+/// Three bands. Each is a triangle over wavelengths that ends at the peaks of its neighbours, so the sum of all bands
+/// is constant over wavelength. A band's value is the weighted mean of a spectrum. For a spectrum that is linear
+/// between peaks it is the value at the peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bands {
-    /// Wavelength of the first peak.
+    /// Wavelength of the first peak in nm.
     pub first_nm: f64,
-    /// Distance of two peaks.
+    /// Spacing of the peaks in nm.
     pub step_nm: f64,
 }
 
@@ -31,7 +32,7 @@ impl From<Observer> for Viewer {
 }
 
 impl Viewer {
-    /// Its three numbers at a wavelength; those of bands per nm.
+    /// The three responses at a wavelength; those of bands are per nm.
     pub(crate) fn at(self, nm: f64) -> [f64; 3] {
         let Some(Bands { first_nm, step_nm }) = self.bands else { return self.observer.at(nm) };
         [0.0, 1.0, 2.0].map(|k| {
@@ -44,7 +45,7 @@ impl Viewer {
         })
     }
 
-    /// Least and most wave number that it sees, in 1/µm.
+    /// Smallest and largest wave number of the response in 1/µm.
     pub(crate) fn range(self) -> [f64; 2] {
         match self.bands {
             None => RANGE,
@@ -55,7 +56,7 @@ impl Viewer {
         }
     }
 
-    /// What a pixel keeps of the three numbers, and what stands for its brightness: linear sRGB and Y, or the bands and their mean.
+    /// Stored values of a pixel and its brightness: linear sRGB and Y, or the bands and their mean.
     pub(crate) fn kept(self, seen: [f64; 3]) -> ([f64; 3], f64) {
         match self.bands {
             None => (linear_srgb(seen.map(|v| v as f32)).map(f64::from), seen[1]),

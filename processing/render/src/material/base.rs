@@ -1,7 +1,9 @@
-//! What scatters: Lambert below Cook and Torrance (1982) with the GGX distribution (Walter et al. 2007), Smith's shadowing and Schlick's Fresnel.
+//! Scattering base: Lambert below Cook and Torrance (1982) with the GGX distribution (Walter et al. 2007), Smith's
+//! shadowing and Schlick's Fresnel.
 //!
-//! Light that is reflected more than once by the microfacets is made up for by a second lobe (Kulla and Conty 2017), and the diffuse part gets
-//! what neither reflects, in and out: nothing is lost with an albedo or a specular reflectance of 1.
+//! A second lobe restores the light of multiple reflections between microfacets (Kulla and Conty 2017). The diffuse
+//! part receives the light that neither lobe reflects, in and out. Energy is therefore conserved for an albedo or a
+//! specular reflectance of 1.
 
 use std::f64::consts::PI;
 use std::sync::LazyLock;
@@ -13,7 +15,7 @@ pub(crate) const ALPHAS: usize = 17;
 /// Directions per point.
 const SAMPLES: usize = 4096;
 
-/// A place's base.
+/// Base parameters at a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     /// Diffuse reflectance, linear sRGB.
@@ -23,12 +25,12 @@ pub(crate) struct Surface {
     pub alpha: f64,
 }
 
-/// Directional albedo of the distribution itself, as `F0 · a + b`, over cos θ and α; and its mean over directions.
+/// Directional albedo of the distribution, as `F0 · a + b`, over cos θ and α; and its mean over directions.
 struct Tables {
     a: Vec<f64>,
     b: Vec<f64>,
     mean: Vec<f64>,
-    /// Of `b` alone.
+    /// Mean of `b` alone.
     mean_b: Vec<f64>,
 }
 
@@ -68,7 +70,7 @@ impl Tables {
                 tables.a.push(all - edge);
                 tables.b.push(edge);
             }
-            // E is linear between points: ∫ (e0 + (e1 - e0) t) µ dµ exactly.
+            // E is linear between points: ∫ (e0 + (e1 - e0) t) µ dµ is exact.
             let row = |t: &[f64]| t[j * COSINES..(j + 1) * COSINES].to_vec();
             let mean = |e: &[f64]| -> f64 {
                 let d = 1.0 / (COSINES - 1) as f64;
@@ -122,7 +124,7 @@ fn distribution(cos: f64, alpha: f64) -> f64 {
     a / (PI * d * d)
 }
 
-/// A microfacet's normal, as often as it is seen from a direction (Heitz 2018).
+/// Samples a microfacet normal in proportion to its visibility from a direction (Heitz 2018).
 fn visible_normal([x, y, z]: [f64; 3], alpha: f64, u: [f64; 2]) -> [f64; 3] {
     let unit = |v: [f64; 3]| {
         let n = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
@@ -142,7 +144,7 @@ fn visible_normal([x, y, z]: [f64; 3], alpha: f64, u: [f64; 2]) -> [f64; 3] {
 }
 
 impl Surface {
-    /// Reflectance of the glossy part, of directions, and its mean over them: all reflections of the microfacets.
+    /// Reflectance of the glossy part at a direction, and its mean over directions, including multiple reflections.
     fn glossy(&self, cos: f64) -> [[f64; 2]; 3] {
         let [a, b, mean, mean_b] = TABLES.at(cos, self.alpha);
         self.specular.map(|f0| {
@@ -154,14 +156,14 @@ impl Surface {
         })
     }
 
-    /// What comes out of further reflections, of what a first one has not let out.
+    /// Reflectance of all further reflections, relative to the light retained by the first one.
     fn again(&self, f0: f64, mean: f64) -> f64 {
-        // Mean of Schlick's Fresnel over directions.
+        // Mean of Schlick's Fresnel reflectance over directions.
         let fresnel = if f0 > 0.0 { f0 + (1.0 - f0) / 21.0 } else { 0.0 };
         fresnel * fresnel * mean / (1.0 - fresnel * (1.0 - mean))
     }
 
-    /// BRDF times the cosine of the light's direction; directions have their components across and along the normal.
+    /// BRDF times the cosine of incidence; directions have two tangential components and one along the normal.
     pub(crate) fn scattered(&self, light: [f64; 3], view: [f64; 3]) -> [f64; 3] {
         let (i, o) = (light[2], view[2]);
         if i <= 0.0 || o <= 0.0 {
@@ -183,7 +185,7 @@ impl Surface {
         })
     }
 
-    /// A direction of light for three numbers from 0 to 1: half of them by the cosine, half by the glossy lobe.
+    /// Samples a direction of light from three numbers from 0 to 1: half by the cosine, half by the glossy lobe.
     pub(crate) fn sample(&self, view: [f64; 3], u: [f64; 3]) -> [f64; 3] {
         if u[2] < 0.5 {
             let (radius, phi) = (u[0].sqrt(), 2.0 * PI * u[1]);
@@ -206,7 +208,7 @@ impl Surface {
     }
 }
 
-/// Schlick's rise towards grazing, which nothing has that reflects nothing at normal incidence.
+/// Schlick's rise towards grazing incidence, which is zero for a surface of zero reflectance at normal incidence.
 fn b_part(f0: f64, b: f64) -> f64 {
     if f0 > 0.0 { b } else { 0.0 }
 }

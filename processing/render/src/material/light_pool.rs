@@ -1,11 +1,12 @@
-//! Resampled importance sampling (Talbot et al. 2005): many directions of light are drawn, few of them are traced through the scene.
+//! Resampled importance sampling (Talbot et al. 2005): many directions of light are sampled, few of them are traced
+//! through the scene.
 
 use crate::vector::V3;
 
-/// Most directions of a pool.
+/// Maximum number of directions in a pool.
 pub(crate) const MOST: usize = 16;
 
-/// Directions that are traced.
+/// Number of traced directions.
 const CHOSEN: usize = 2;
 
 /// Steps of Roberts' low-discrepancy sequences in three and in two dimensions.
@@ -14,17 +15,17 @@ const STEPS: [[f64; 3]; 2] = [[0.819_172_513, 0.671_043_607, 0.549_700_478], [0.
 /// A direction of light.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Candidate {
-    /// In the place's frame, or that of its patch.
+    /// Direction in the frame of the point, or of its patch.
     pub local: [f64; 3],
-    /// In the scene.
+    /// Direction in the scene.
     pub towards: V3,
-    /// Colours of its part of the estimate.
+    /// Its colour contribution to the estimate.
     pub part: [f64; 3],
-    /// Weight by which it is chosen: an estimate of the light of its part.
+    /// Selection weight: an estimate of the light of its contribution.
     pub weight: f64,
 }
 
-/// Candidates, of which few are chosen.
+/// Candidates for selection.
 pub(crate) struct Pool {
     candidates: [Candidate; MOST],
     count: usize,
@@ -36,7 +37,7 @@ impl Pool {
         Self { candidates: [Candidate::default(); MOST], count: 0, sum: 0.0 }
     }
 
-    /// Adds a direction; one beyond the most, or without light, is left out.
+    /// Adds a direction; it is dropped if the pool is full or its weight is zero.
     pub(crate) fn add(&mut self, candidate: Candidate) {
         if candidate.weight > 0.0 && self.count < MOST {
             self.candidates[self.count] = candidate;
@@ -45,8 +46,8 @@ impl Pool {
         }
     }
 
-    /// Chooses [`CHOSEN`] directions by systematic sampling in proportion to their weights, with a random number from 0 to 1. Calls `each` with the
-    /// factor of its part that makes the sum unbiased.
+    /// Selects [`CHOSEN`] directions by systematic sampling in proportion to their weights, with a random number from 0
+    /// to 1. Calls `each` with the factor that makes the sum of contributions unbiased.
     pub(crate) fn chosen(&self, number: f64, mut each: impl FnMut(&Candidate, f64)) {
         let step = self.sum / CHOSEN as f64;
         let (mut running, mut next) = (0.0, number * step);
@@ -64,7 +65,7 @@ impl Pool {
     }
 }
 
-/// Even numbers for the k-th direction of a pool, from those of the first.
+/// Low-discrepancy numbers of the k-th direction of a pool, from those of the first.
 pub(crate) fn even<const N: usize>(first: [f64; N], k: usize) -> [f64; N] {
     let steps = STEPS[usize::from(N < 3)];
     std::array::from_fn(|i| (first[i] + k as f64 * steps[i]).fract())
@@ -75,7 +76,7 @@ mod tests {
     use super::*;
     use nacre_base::random::Stream;
 
-    /// The mean over all choices is the sum of all parts, whatever the weights.
+    /// The expected value over all selections is the sum of all contributions, for any weights.
     #[test]
     fn chosen_directions_stand_for_all() {
         let mut pool = Pool::new();

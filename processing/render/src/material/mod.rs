@@ -1,4 +1,4 @@
-//! Materials ready for light.
+//! Prepared materials.
 
 pub(crate) mod base;
 pub(crate) mod diffraction;
@@ -23,7 +23,8 @@ use shading::{Above, Accuracy, Place, add, pooled};
 use std::path::Path;
 use texture::Over;
 
-/// Directions that a base draws under an environment, by the environment's density and as many by its own: together cheaper than tracing two.
+/// Directions that a base samples under an environment, from the environment's density and as many from its BRDF:
+/// together cheaper than tracing two.
 const BASE: usize = 4;
 
 /// A material.
@@ -37,7 +38,7 @@ pub(crate) struct Material {
     pub notes: Notes,
 }
 
-/// What scatters.
+/// The scattering base.
 pub(crate) struct Base {
     pub albedo: Over<3>,
     pub roughness: Over<1>,
@@ -50,7 +51,7 @@ impl Base {
         Surface { albedo: self.albedo.at(uv), specular: self.specular, alpha }
     }
 
-    /// X, Y, Z of what is seen of an environment; of light at a cosine a share counts.
+    /// X, Y, Z of the reflection of an environment; `share` weights light by its cosine.
     pub(crate) fn under(
         &self,
         place: &Place,
@@ -82,10 +83,10 @@ pub(crate) struct Context<'a> {
 }
 
 impl Material {
-    /// Of a description; `like` the same one made for another accuracy, whose parts may be shared.
+    /// Prepares a described material; parts may be shared with `like`, the same material prepared for another accuracy.
     ///
     /// # Errors
-    /// `Input` for what makes no sense, or files that are none.
+    /// `Input` for invalid values and files.
     pub(crate) fn new(name: &str, material: &scene::Material, context: &Context, like: Option<&Self>) -> Result<Self> {
         let folder = context.folder;
         let key = |what: &str| format!("material.{name}.{what}");
@@ -125,13 +126,13 @@ impl Material {
         self.diffraction.is_some() || self.normals.is_some()
     }
 
-    /// The normal at a place in its shape's frame, if it is not the shape's own.
+    /// The normal at a point in its shape's frame, if it differs from the shape's normal.
     pub(crate) fn normal(&self, uv: [f64; 2]) -> Option<[f64; 3]> {
         self.normals.as_ref().map(|n| n.at(uv))
     }
 
-    /// Part of light that comes through what diffracts to the base and out again, at the cosines of its directions (a grating's reflectance in the
-    /// middle of the spectrum is taken for that of its top); None where nothing comes through.
+    /// Transmittance through the diffracting layer to the base and back, at the cosines of both directions. A grating's
+    /// reflectance at the centre of the spectrum is used for its top. `None` if the layer is opaque.
     pub(crate) fn through(&self, cosines: [f64; 2]) -> Option<f64> {
         match (&self.diffraction, self.blend) {
             (Some(Diffraction::Grating { grating, .. }), Blend::Fresnel) => {
@@ -141,7 +142,7 @@ impl Material {
         }
     }
 
-    /// Part that diffracts, and what of the base is seen, at a direction of view (and, blended by Fresnel, of light).
+    /// Diffracting share and visible share of the base, at a direction of view (and of light, for the Fresnel blend).
     fn shares(&self, uv: [f64; 2], cosines: [f64; 2]) -> [f64; 2] {
         if self.diffraction.is_none() {
             return [0.0, 1.0];
@@ -150,7 +151,7 @@ impl Material {
         [covered, 1.0 - covered + covered * self.through(cosines).unwrap_or(0.0)]
     }
 
-    /// X, Y, Z of what is seen of a light of illuminance 1 on what faces it.
+    /// X, Y, Z of the reflection of a light with illuminance 1 on a surface that faces it.
     pub(crate) fn lit(&self, place: &Place, source: &Source, accuracy: &Accuracy, memory: &mut Memory) -> [f64; 3] {
         let Source { light, seen, .. } = *source;
         let view = place.view;
@@ -166,7 +167,7 @@ impl Material {
         if let Some(top) = self.diffraction.as_ref().filter(|_| covered > 0.0) {
             add(&mut sum, top.lit(place, source, accuracy, memory), covered);
             if self.base.is_some() && top.is_masked(place.uv) {
-                // What does not diffract is base.
+                // The rest of the surface is base.
                 let f = self.base.as_ref().map_or([0.0; 3], |b| b.surface(place.uv).scattered(light, view));
                 add(&mut sum, seen.reflected(f), 1.0 - below);
             }
@@ -174,7 +175,7 @@ impl Material {
         sum
     }
 
-    /// X, Y, Z of what is seen of an environment.
+    /// X, Y, Z of the reflection of an environment.
     pub(crate) fn under(
         &self,
         place: &Place,

@@ -1,4 +1,4 @@
-//! Shading of one place: its environment, multiple importance sampling, and the accuracy of sums over light.
+//! Shading of a point: environment, multiple importance sampling, and accuracy of sums over light.
 
 use crate::light::Sky;
 use crate::light::viewer::RANGE;
@@ -6,22 +6,23 @@ use crate::material::light_pool::{self, Candidate, Pool, even};
 use crate::vector::V3;
 use std::f64::consts::PI;
 
-/// Samples of a pixel in a pass: two by two places within it.
+/// Samples per pixel and pass: 2 × 2 subpixels.
 pub const SAMPLES: usize = 4;
 
-/// The same for a picture with many samples: four by four places.
+/// Samples per pixel and pass for a picture with many samples: 4 × 4 subpixels.
 pub const WELL_SPREAD: usize = 16;
 
 /// Accuracy of sums over orders and wave numbers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Accuracy {
-    /// Error asked for of each sum, relative.
+    /// Relative target error of each sum.
     pub error: f64,
-    /// Distance of wave numbers in standard deviations of a lobe: the trapezoid rule on a Gaussian is off by `2 exp(-2π²/step²)`.
+    /// Wave-number step in standard deviations of a lobe: the trapezoid rule on a Gaussian has the error
+    /// `2 exp(-2π²/step²)`.
     pub step: f64,
-    /// How far a lobe is followed, in standard deviations.
+    /// Truncation radius of a lobe in standard deviations.
     pub reach: f64,
-    /// Distance of wave numbers, if it is given: n bins over the spectrum.
+    /// Fixed wave-number step, if given: n bins over the spectrum.
     pub fixed: Option<f64>,
 }
 
@@ -37,31 +38,32 @@ impl Accuracy {
     }
 }
 
-/// A place that is looked at.
+/// A shaded point.
 pub(crate) struct Place {
     pub uv: [f64; 2],
-    /// Direction of view in the place's frame.
+    /// Direction of view in the point's frame.
     pub view: [f64; 3],
 }
 
-/// Adds a part.
+/// Adds a weighted contribution.
 pub(crate) fn add(sum: &mut [f64; 3], part: [f64; 3], weight: f64) {
     sum.iter_mut().zip(part).for_each(|(s, p)| *s += p * weight);
 }
 
-/// How a place sees an environment.
+/// Environment as seen from a point.
 pub(crate) struct Above<'a> {
     pub sky: &'a Sky,
-    /// The place's frame.
+    /// The point's frame.
     pub frame: &'a [V3; 3],
-    /// Whether the sky is seen in a direction.
+    /// Whether the sky is visible in a direction.
     pub open: &'a (dyn Fn(V3) -> bool + Sync),
-    /// What a table reflects of it towards the place's view, if that has been summed up (see [`crate::prepared_scene::flat`]).
+    /// Precomputed reflection of the environment by a table towards the view, if available (see
+    /// [`crate::prepared_scene::flat`]).
     pub summed: Option<[f64; 3]>,
 }
 
 impl Above<'_> {
-    /// A direction of the frame in the scene.
+    /// Transforms a direction of the frame to the scene.
     pub(crate) fn direction(&self, local: [f64; 3]) -> V3 {
         self.frame[0] * local[0] + self.frame[1] * local[1] + self.frame[2] * local[2]
     }
@@ -73,8 +75,9 @@ impl Above<'_> {
     }
 }
 
-/// An environment by multiple importance sampling with the balance heuristic (Veach and Guibas 1995): a direction of the environment's, and one of
-/// the surface's own. Two numbers from 0 to 1 choose the environment's; `value` is BRDF times cosine times radiance.
+/// Reflection of an environment by multiple importance sampling with the balance heuristic (Veach and Guibas 1995): one
+/// direction sampled from the environment, and one from the BRDF. Two numbers from 0 to 1 select the environment's;
+/// `value` is BRDF times cosine times radiance.
 pub(crate) fn both_ways(
     above: &Above,
     at: [f64; 2],
@@ -99,8 +102,9 @@ pub(crate) fn both_ways(
     sum
 }
 
-/// The same with `COUNT` directions of each kind, of which [`Pool`] chooses few to be traced through the scene: for BRDFs that cost less than tracing.
-/// The random numbers choose the environment's directions, the surface's own by `draw`, and those that are traced.
+/// As [`Self::both_ways`] with `COUNT` directions of each kind, of which [`Pool`] selects few to be traced: for BRDFs
+/// that are cheaper than tracing. The random numbers select the environment's directions, the BRDF's by `draw`, and the
+/// traced ones.
 pub(crate) fn pooled<const COUNT: usize, const N: usize>(
     above: &Above,
     (at, own, pick): ([f64; 2], [f64; N], f64),

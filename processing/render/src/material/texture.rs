@@ -8,30 +8,30 @@ use nacre_image::{Light, Raster, Samples, read, read_light};
 use nacre_maps::{Kind, Maps, segment};
 use std::path::Path;
 
-/// A picture with N channels, row 0 on top (v = 1).
+/// A picture with N channels, row 0 at the top (v = 1).
 pub(crate) struct Picture<const N: usize> {
     pub width: usize,
     pub height: usize,
     pub values: Vec<[f32; N]>,
 }
 
-/// One value everywhere, or a picture.
+/// A constant or a picture.
 pub(crate) enum Over<const N: usize> {
     Same([f64; N]),
     Picture(Picture<N>),
 }
 
 impl<const N: usize> Picture<N> {
-    /// The pixel below a place; (u, v) repeat.
+    /// The pixel at a position; (u, v) are periodic.
     fn nearest(&self, [u, v]: [f64; 2]) -> [f32; N] {
         let x = ((u - u.floor()) * self.width as f64) as usize;
         let y = ((1.0 - (v - v.floor())) * self.height as f64) as usize;
         self.values[y.min(self.height - 1) * self.width + x.min(self.width - 1)]
     }
 
-    /// Between the pixels' middles; edges go on.
+    /// Bilinear interpolation between pixel centres; edge values continue.
     fn smooth(&self, [u, v]: [f64; 2]) -> [f64; N] {
-        // Exactly 1 is the last pixel's edge, not the first one's.
+        // Exactly 1 is the edge of the last pixel, not of the first.
         let wrap = |t: f64| if (0.0..=1.0).contains(&t) { t } else { t - t.floor() };
         let x = wrap(u) * self.width as f64 - 0.5;
         let y = (1.0 - wrap(v)) * self.height as f64 - 0.5;
@@ -48,7 +48,7 @@ impl<const N: usize> Picture<N> {
 }
 
 impl<const N: usize> Over<N> {
-    /// At a place.
+    /// Value at a position.
     pub(crate) fn at(&self, uv: [f64; 2]) -> [f64; N] {
         match self {
             Self::Same(value) => *value,
@@ -57,7 +57,8 @@ impl<const N: usize> Over<N> {
     }
 }
 
-/// Reads a picture; 8 and 16 bits go from 0 to 1, by the curve of sRGB if they are colours. Colours of other primaries become Rec. 709.
+/// Reads a picture. Values of 8 and 16 bits are scaled to 0 to 1, and linearised by the sRGB curve if they are colours.
+/// Colours of other primaries are converted to Rec. 709.
 fn picture<const N: usize>(path: &Path, color: bool, [low, high]: [f32; 2]) -> Result<Picture<N>> {
     let light = if color { read_light(path, None).ok() } else { None };
     let raster = match light {
@@ -89,10 +90,10 @@ fn picture<const N: usize>(path: &Path, color: bool, [low, high]: [f32; 2]) -> R
     Ok(Picture { width: info.width, height: info.height, values })
 }
 
-/// A number or a grey picture.
+/// Reads a number or a grey picture.
 ///
 /// # Errors
-/// `Input` for what is neither, or out of limits.
+/// `Input` for other values, and for numbers out of range.
 pub(crate) fn value(key: &str, of: &Value, folder: &Path, limits: [f64; 2]) -> Result<Over<1>> {
     match of {
         Value::Number(v) => Ok(Over::Same([number(key, *v, limits)?])),
@@ -100,10 +101,10 @@ pub(crate) fn value(key: &str, of: &Value, folder: &Path, limits: [f64; 2]) -> R
     }
 }
 
-/// A part of the surface, and what to beware of.
+/// Reads a coverage; also returns warnings.
 ///
 /// # Errors
-/// `Input` for what is neither a number from 0 to 1, nor a picture, nor a photograph with a bright and a dark part.
+/// `Input` unless it is a number from 0 to 1, a picture, or a photograph with a bright and a dark part.
 pub(crate) fn coverage(key: &str, of: &Coverage, folder: &Path) -> Result<(Over<1>, Vec<String>)> {
     match of {
         Coverage::Number(v) => Ok((Over::Same([number(key, *v, [0.0, 1.0])?]), vec![])),
@@ -117,10 +118,10 @@ pub(crate) fn coverage(key: &str, of: &Coverage, folder: &Path) -> Result<(Over<
     }
 }
 
-/// A colour or a picture, 0 to 1.
+/// Reads a colour or a colour picture, 0 to 1.
 ///
 /// # Errors
-/// `Input` for what is neither.
+/// `Input` for other values.
 pub(crate) fn color(key: &str, of: &Color, folder: &Path) -> Result<Over<3>> {
     match of {
         Color::Rgb(rgb) if rgb.iter().all(|v| (0.0..=1.0).contains(v)) => Ok(Over::Same(rgb.map(f64::from))),
@@ -129,10 +130,10 @@ pub(crate) fn color(key: &str, of: &Color, folder: &Path) -> Result<Over<3>> {
     }
 }
 
-/// Normals as a picture: (n + 1)/2, or n itself in an EXR with values below 0.
+/// Reads normals from a picture: (n + 1)/2, or n itself in an EXR with negative values.
 ///
 /// # Errors
-/// `Input` for what holds none.
+/// `Input` for a picture without normals.
 pub(crate) fn normals(file: &Path) -> Result<Over<3>> {
     let mut normals = picture::<3>(file, false, [-1.0, 1.0])?;
     let signed = normals.values.iter().any(|n| n.iter().any(|v| *v < 0.0));
@@ -153,17 +154,17 @@ pub(crate) fn normals(file: &Path) -> Result<Over<3>> {
 pub(crate) struct Grooves {
     pub orientation: Option<Picture<1>>,
     pub period: Option<Picture<1>>,
-    /// Standard deviation of the orientation, for eyes alone.
+    /// Standard deviation of the orientation, for display only.
     pub sigma: Option<Vec<f32>>,
     pub repeat: [f64; 2],
     pub longest_um: f64,
 }
 
 impl Grooves {
-    /// Reads maps.
+    /// Reads orientation and period maps.
     ///
     /// # Errors
-    /// `Input` for what is none.
+    /// `Input` for other files.
     pub(crate) fn read(path: &Path, repeat: [f64; 2]) -> Result<Self> {
         let maps = Maps::read(path)?;
         let (width, height) = (maps.width, maps.height);
@@ -186,7 +187,7 @@ impl Grooves {
         [self.orientation.is_some(), self.period.is_some()]
     }
 
-    /// Orientation and period at a place, where the maps have them; none where either is masked.
+    /// Orientation and period at a position, if the maps have them; `None` if either is masked.
     pub(crate) fn at(&self, uv: [f64; 2]) -> Option<[Option<f64>; 2]> {
         let uv = [0, 1].map(|k| uv[k] * self.repeat[k]);
         let of = |picture: &Option<Picture<1>>| match picture {

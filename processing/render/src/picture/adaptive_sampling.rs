@@ -1,33 +1,35 @@
-//! Samples where noise is: half of the passes go to pixels in proportion to their standard deviation, as leaves the least error for a number of
-//! samples (Neyman 1934), the other half evenly.
+//! Adaptive sampling. Half of the passes are distributed in proportion to the pixels' standard deviation, which
+//! minimises the error for a number of samples (Neyman 1934), the other half evenly.
 //!
-//! A rim, a lobe's flank or a glint has most of the noise of a picture in a few of its pixels. What a pixel's own samples tell of its noise goes
-//! together with what they tell of its brightness: a choice by them leaves pixels too dark whose bright samples have not come yet. So the
-//! pixels around it tell, and no pixel is left out.
+//! A rim, a lobe's flank or a glint concentrates most of a picture's noise in few pixels. The noise estimate of a
+//! pixel's own samples is correlated with their mean. A choice based on it biases pixels towards dark, because those
+//! without a bright sample so far receive no more. The estimate therefore uses the neighbouring pixels, and every pixel
+//! keeps a positive share.
 
 use crate::picture::pixel::Pixel;
 use nacre_base::random::Stream;
 use rayon::prelude::*;
 
-/// Passes that go evenly to all pixels with light for each one that goes where noise is: calm and dark ones, whose noise counts little in a mean
-/// but is seen, are never noisier than by √2 of what they would be.
+/// Evenly distributed passes per noise-weighted pass. The noise of calm and dark pixels, which counts little in a mean
+/// but is visible, thus rises by at most √2.
 const EVEN: f64 = 1.0;
 
-/// What pixels without any light get of that.
+/// Share of the even passes for pixels without any light.
 const UNLIT: f64 = 0.1;
 
-/// How far around a pixel others tell its noise: what it tells them in turn comes back to it the less the more they are.
+/// Radius in pixels of the neighbourhood for the noise estimate: a larger one reduces the feedback of a pixel's
+/// estimate through its neighbours.
 const AROUND: usize = 2;
 
-/// Most passes of a pixel at once.
+/// Maximum number of passes of a pixel at once.
 const MOST: f64 = 255.0;
 
-/// What the pixels around one tell of it.
+/// Noise estimate from the neighbours of a pixel.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Others {
     /// Standard deviation of passes.
     pub deviation: f64,
-    /// Whether any has light.
+    /// Whether any neighbour has light.
     pub lit: bool,
 }
 
@@ -50,7 +52,7 @@ pub(crate) fn weights(others: &[Others]) -> Vec<f64> {
     others.iter().map(|o| o.deviation + even * if o.lit { 1.0 } else { UNLIT }).collect()
 }
 
-/// Weights of a picture's pixels, by those around them.
+/// Weights of a picture's pixels, from their neighbours.
 pub(crate) fn picture_weights(pixels: &[Pixel], width: usize) -> Vec<f64> {
     let rows = pixels.len() / width.max(1);
     let near = |at: usize, n: usize| at.saturating_sub(AROUND)..(at + AROUND + 1).min(n);
@@ -63,7 +65,7 @@ pub(crate) fn picture_weights(pixels: &[Pixel], width: usize) -> Vec<f64> {
     weights(&others)
 }
 
-/// Passes that each pixel gets next: as many together as there are pixels with light, after `rounds` rounds.
+/// Number of further passes of each pixel, in total as many as there are lit pixels, after `rounds` rounds.
 pub(crate) fn adaptive_passes(pixels: &[Pixel], width: usize, rounds: usize) -> Vec<u8> {
     let weights = picture_weights(pixels, width);
     let all: f64 = weights.iter().sum();
@@ -77,7 +79,7 @@ pub(crate) fn adaptive_passes(pixels: &[Pixel], width: usize, rounds: usize) -> 
         weights.iter().zip(pixels).map(|(w, p)| (w * share - f64::from(p.passes)).clamp(0.0, MOST)).collect();
     let scale = lit / wanted.iter().sum::<f64>().max(1e-300);
     let round = |(k, wanted): (usize, f64)| {
-        // A part of a pass by chance.
+        // Fractions of a pass are rounded at random.
         (wanted * scale.min(1.0) + Stream::new(k, usize::MAX - 1 - rounds).next()).min(MOST) as u8
     };
     wanted.into_iter().enumerate().map(round).collect()
@@ -102,7 +104,7 @@ mod tests {
             assert!((900..1150).contains(&sum), "{sum}");
             for ((pixel, total), n) in pixels.iter_mut().zip(&mut total).zip(found) {
                 *total += usize::from(n);
-                // As noisy as before.
+                // The variance stays the same.
                 pixel.squares *= f64::from(pixel.passes + u32::from(n) - 1) / f64::from(pixel.passes - 1);
                 pixel.passes += u32::from(n);
             }
@@ -113,7 +115,7 @@ mod tests {
         assert!(adaptive_passes(&dark, 8, 4).iter().all(|n| *n == 1));
     }
 
-    /// Where bright samples are few, a pixel that has not met one yet looks calm and dark.
+    /// Where bright samples are rare, a pixel without one appears calm and dark.
     #[test]
     fn rare_bright_samples_are_not_lost() {
         let glints = |k: usize| (6..18).contains(&(k % 24)) && (6..18).contains(&(k / 24));
@@ -133,7 +135,7 @@ mod tests {
             let inside = pixels.iter().enumerate().filter(|(k, _)| glints(*k));
             inside.for_each(|(_, p)| (sum, count) = (sum + p.luminance, count + 1.0));
         }
-        // Each glint pixel has some 90 passes of mean 1 and variance 49.
+        // Each glint pixel has about 90 passes of mean 1 and variance 49.
         let (bias, sigma) = (sum / count - 1.0, (49.0_f64 / 90.0 / count).sqrt());
         println!("{bias:.4}, chance {sigma:.4}");
         assert!(bias.abs() < 0.05, "{bias} {sigma}");

@@ -1,22 +1,24 @@
-//! How different two pictures look.
+//! Visual difference of two pictures.
 
 use nacre_frames::Transfer;
 use nacre_optics::color::{delta_e_2000, displayed, lab, xyz_of_linear_srgb};
 
-/// Part of the brightest pixel below which none counts for the exposure, and luminance on the screen from which one is lit.
+/// Luminance below which pixels are ignored for the exposure, relative to the brightest, and screen luminance from
+/// which a pixel counts as lit.
 const DARK: f64 = 1e-4;
 const LIT: f64 = 1e-3;
 
-/// How different two pictures look.
+/// Visual difference of two pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
-    /// Mean CIEDE2000 over what is lit in either.
+    /// Mean CIEDE2000 over the pixels that are lit in either picture.
     pub mean: f64,
-    /// Pixels that are.
+    /// Number of these pixels.
     pub lit: usize,
 }
 
-/// Of two pictures of one size in linear sRGB, both as a screen shows them at the first one's exposure, whose brightest twentieth is at 0.8 and above.
+/// Compares two pictures of one size in linear sRGB, both displayed at the first one's exposure, whose brightest
+/// twentieth is at 0.8 and above.
 pub fn difference(one: &[[f32; 3]], other: &[[f32; 3]]) -> Difference {
     let luminance = |p: &[f32; 3]| f64::from(xyz_of_linear_srgb(*p)[1]);
     let mut light: Vec<f64> = one.iter().map(luminance).filter(|y| *y > 0.0).collect();

@@ -1,4 +1,4 @@
-//! Passes over a picture, and how far it is from its limit.
+//! Progressive pictures and their error.
 
 mod adaptive_sampling;
 mod compare;
@@ -23,36 +23,37 @@ use nacre_optics::color::xyz_of_linear_srgb;
 use pixel::pass;
 use rayon::prelude::*;
 
-/// Pixels that a thread takes at once.
+/// Pixels per task of a thread.
 const TILE: usize = 64;
 
-/// A picture that gets better with each pass.
+/// A progressively refined picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picture {
-    /// Pixels of a row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
-    /// Samples of a pass: 4 or 16.
+    /// Samples per pass: 4 or 16.
     pub pass_samples: usize,
-    /// Rounds of passes that are in it: as many passes each as there are pixels with light.
+    /// Completed rounds; each has as many passes as there are lit pixels.
     pub passes: usize,
     /// Row by row from the top.
     pub pixels: Vec<Pixel>,
-    /// A spectrum per pixel, if it was asked for.
+    /// A spectrum per pixel, if requested.
     pub bands: Vec<Band>,
 }
 
-/// What a band of the spectrum sees of a picture.
+/// A spectral band of a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Band {
-    /// Its wavelength, in nm.
+    /// Wavelength in nm.
     pub nm: f64,
-    /// Mean spectral radiance, per nm, in units in which a light's luminance is the observer's Y; row by row from the top.
+    /// Mean spectral radiance per nm, in units in which a light's luminance is the observer's Y; row by row from the
+    /// top.
     pub radiance: Vec<f32>,
 }
 
-/// Root mean square of the standard errors over the mean luminance; 0 in the dark.
+/// Root mean square of the standard errors, relative to the mean luminance; 0 in the dark.
 fn relative(squares: impl Iterator<Item = f64>, luminances: impl Iterator<Item = f64>) -> f64 {
     let (mut square, mut light, mut count) = (0.0, 0.0, 0.0_f64);
     for (s, l) in squares.zip(luminances) {
@@ -70,10 +71,10 @@ impl Picture {
         Self { width, height, pass_samples: SAMPLES, passes: 0, pixels, bands: vec![] }
     }
 
-    /// Adds a round of passes: one to each pixel at first, then more where noise is.
+    /// Adds a round of passes: one per pixel at first, later distributed by noise.
     ///
     /// # Errors
-    /// `Cancelled` when it is to stop; the picture is then of no use.
+    /// `Cancelled`; the picture is then unusable.
     pub(crate) fn add(&mut self, ready: &PreparedScene, progress: &dyn Progress) -> Result<()> {
         let counts = match self.passes < FEWEST {
             true => vec![1; self.pixels.len()],
@@ -82,7 +83,7 @@ impl Picture {
         self.add_passes(ready, &counts, progress)
     }
 
-    /// Adds so many passes to each pixel.
+    /// Adds the given number of passes to each pixel.
     pub(crate) fn add_passes(&mut self, ready: &PreparedScene, counts: &[u8], progress: &dyn Progress) -> Result<()> {
         let samples = self.pass_samples;
         let tiles = self.pixels.par_chunks_mut(TILE).zip(counts.par_chunks(TILE)).enumerate();
@@ -102,7 +103,7 @@ impl Picture {
         Ok(())
     }
 
-    /// Smaller by a whole number, so that no side is longer than `most`: to look at.
+    /// Reduces the picture by an integer factor, so that no side exceeds `most`, for previews.
     pub fn shrunk(&self, most: usize) -> Self {
         let n = self.width.max(self.height).div_ceil(most.max(1)).max(1);
         let [width, height] = [self.width, self.height].map(|side| side.div_ceil(n));
@@ -122,7 +123,7 @@ impl Picture {
         Self { width, height, pass_samples: self.pass_samples, passes: self.passes, pixels, bands: vec![] }
     }
 
-    /// Adds a pass that was made elsewhere, linear sRGB.
+    /// Adds a pass that was rendered elsewhere, linear sRGB.
     pub(crate) fn add_pixels(&mut self, pass: &[[f32; 3]]) {
         self.passes += 1;
         for (pixel, rgb) in self.pixels.iter_mut().zip(pass) {
@@ -130,17 +131,17 @@ impl Picture {
         }
     }
 
-    /// Whether it has as many passes as are allowed, or as an error takes.
+    /// Whether it has the maximum number of passes, or meets the target error.
     pub(crate) fn is_enough(&self, most: usize, error: f64) -> bool {
         self.passes >= most || (self.passes >= FEWEST && self.error() <= error)
     }
 
-    /// Samples of a pixel, on average over those with light.
+    /// Samples per pixel, averaged over lit pixels.
     pub fn samples(&self) -> usize {
         self.passes * self.pass_samples
     }
 
-    /// Root mean square of the pixels' standard errors over the mean luminance; NaN before the second pass.
+    /// Root mean square of the pixels' standard errors, relative to the mean luminance; NaN before the second pass.
     pub fn error(&self) -> f64 {
         let squares = self.pixels.iter().map(|p| p.error().powi(2));
         relative(squares, self.pixels.iter().map(|p| p.luminance))

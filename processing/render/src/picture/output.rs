@@ -1,4 +1,4 @@
-//! Pictures as files.
+//! Picture files.
 
 use crate::material::{SAMPLES, WELL_SPREAD};
 use crate::picture::Picture;
@@ -10,21 +10,23 @@ use nacre_image::{Attribute, encode_png8, read_exr, rewrite, write_exr, write_wh
 use nacre_optics::color::{displayed_codes, xyz_of_linear_srgb};
 use std::path::Path;
 
-/// What the brighter twentieth of what is lit starts at, of white before it is compressed.
+/// Tone mapping: level, relative to white, at which the brightest twentieth of the lit pixels starts.
 const KEY: f64 = 0.8;
 
-/// Channels of a picture that is kept; `passes` holds how many passes a pixel has.
+/// Channels of a saved state; `passes` holds the number of passes of each pixel.
 const STATE: [&str; 5] = ["R", "G", "B", "Y", "squares"];
 
-/// Name of a band's channel (Fichet et al. 2021, An OpenEXR layout for spectral images): unpolarised radiance at a wavelength.
+/// Name of a band's channel (Fichet et al. 2021, An OpenEXR layout for spectral images): unpolarised radiance at a
+/// wavelength.
 fn channel(nm: f64) -> String {
     format!("S0.{}nm", format!("{nm:.6}").replace('.', ","))
 }
 
-/// Writes a picture as an EXR: R, G, B (linear sRGB), `error`, the standard error of the luminance, and its spectra, if there are any.
+/// Writes a picture as an EXR: R, G, B (linear sRGB), `error` (standard error of the luminance), and its spectra, if
+/// there are any.
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
     let mut attributes = vec![
         ("units", Attribute::Text("radiance, linear sRGB (D65 is white, Y of a light's own unit); error of Y".into())),
@@ -50,17 +52,17 @@ pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
     })
 }
 
-/// Brightness at which a picture is shown, if none is given.
+/// Exposure of a picture, if none is given.
 pub fn exposure(picture: &Picture) -> f64 {
     let mut light: Vec<f64> = picture.pixels.iter().map(|p| p.luminance).filter(|y| *y > 0.0).collect();
     light.sort_by(f64::total_cmp);
     let most = light.last().copied().unwrap_or(1.0);
-    // The mirror direction outshines all; and what is hardly lit does not count.
+    // The mirror direction outshines all other directions, and nearly dark pixels are ignored.
     let lit: Vec<f64> = light.into_iter().filter(|y| *y > 1e-4 * most).collect();
     KEY / lit.get(lit.len() * 19 / 20).map_or(1.0, |y| y.max(f64::MIN_POSITIVE))
 }
 
-/// A picture as sRGB bytes, row by row: what is too bright is compressed, what no screen shows loses saturation.
+/// A picture as sRGB bytes, row by row. Highlights are compressed, and colours outside the gamut are desaturated.
 pub fn bytes(picture: &Picture, exposure: f64) -> Vec<u8> {
     let pixel = |p: &Pixel| {
         let xyz = xyz_of_linear_srgb(p.rgb.map(|v| (v * exposure) as f32));
@@ -72,7 +74,7 @@ pub fn bytes(picture: &Picture, exposure: f64) -> Vec<u8> {
 /// A picture as a PNG (sRGB).
 ///
 /// # Errors
-/// What the encoder says.
+/// As the encoder.
 pub fn png(picture: &Picture, exposure: f64) -> std::io::Result<Vec<u8>> {
     encode_png8(picture.width, picture.height, 3, &bytes(picture, exposure))
 }
@@ -80,16 +82,16 @@ pub fn png(picture: &Picture, exposure: f64) -> std::io::Result<Vec<u8>> {
 /// Writes a picture as a PNG (sRGB).
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn write_png(path: &Path, picture: &Picture, exposure: f64) -> Result<()> {
     let encoded = png(picture, exposure).map_err(|error| Error::output(path, error))?;
     write_whole(path, &encoded)
 }
 
-/// Reads the colours of what [`write_picture`] wrote; errors are left out.
+/// Reads the colours of a file written by [`write_picture`], without the errors.
 ///
 /// # Errors
-/// `Input` for what is none.
+/// `Input` for other files.
 pub fn read_picture(path: &Path) -> Result<Picture> {
     let mut map = read_exr(path)?;
     let [r, g, b] = [map.take("R", path)?, map.take("G", path)?, map.take("B", path)?];
@@ -101,9 +103,9 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
     Ok(Picture { width: map.width, height: map.height, pass_samples: SAMPLES, passes: 1, pixels, bands: vec![] })
 }
 
-/// What tells a scene and its accuracy from others.
+/// Digest that identifies a scene and its accuracy.
 pub(crate) fn digest(scene: &Scene, settings: &Settings) -> String {
-    // FNV-1a; it is to tell a changed scene, not an attacker's.
+    // FNV-1a, sufficient to detect a changed scene, but not an attack.
     let mut text = serde_json::to_string(&(scene, settings.max_error, settings.wavelengths)).unwrap_or_default();
     if (settings.method, settings.rank) != (Method::Auto, None) {
         text += &serde_json::to_string(&(settings.method, settings.rank)).unwrap_or_default();
@@ -112,10 +114,10 @@ pub(crate) fn digest(scene: &Scene, settings: &Settings) -> String {
     format!("{hash:016x}")
 }
 
-/// Keeps a picture so that it can be gone on with.
+/// Saves a picture so that rendering can be continued.
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub(crate) fn keep(path: &Path, picture: &Picture, digest: &str) -> Result<()> {
     let text = |number: usize| Attribute::Text(number.to_string());
     let attributes = [
@@ -124,7 +126,8 @@ pub(crate) fn keep(path: &Path, picture: &Picture, digest: &str) -> Result<()> {
         ("pass_samples", text(picture.pass_samples)),
     ];
     let width = picture.width;
-    // Each number in two parts: passes are alloted by them, so that one that is gone on with must not differ.
+    // Each number is stored in two parts at full precision, because passes are allotted by them and a continued
+    // rendering must not differ.
     let channels = STATE.map(|name| [name.to_owned(), format!("{name}.rest")]);
     let names: Vec<&str> = channels.iter().flatten().map(String::as_str).chain(["passes"]).collect();
     // With --resume the same file was read before.
@@ -142,10 +145,10 @@ pub(crate) fn keep(path: &Path, picture: &Picture, digest: &str) -> Result<()> {
     })
 }
 
-/// A picture that was kept.
+/// Reads a saved picture.
 ///
 /// # Errors
-/// `Input` for what is none, or of another scene.
+/// `Input` for other files, and for those of another scene.
 pub(crate) fn resumed(path: &Path, digest: &str, [width, height]: [usize; 2]) -> Result<Picture> {
     let remedy = "give the file that --keep wrote for this scene and these options, or leave --resume out";
     let mut map = read_exr(path)?;
@@ -170,7 +173,7 @@ pub(crate) fn resumed(path: &Path, digest: &str, [width, height]: [usize; 2]) ->
     if let Some(i) = planes.iter().find_map(|p| p.iter().position(|v| !v.is_finite())) {
         return Err(Error::file(path, format!("has no number in column {}, row {}", i % width, i / width), remedy));
     }
-    // States of earlier versions have passes of 4.
+    // States of earlier versions have 4 samples per pass.
     let samples = map.attributes.get("pass_samples").and_then(|t| t.parse().ok());
     let pass_samples = samples.filter(|n| [SAMPLES, WELL_SPREAD].contains(n)).unwrap_or(SAMPLES);
     Ok(Picture { width, height, pass_samples, passes, pixels, bands: vec![] })

@@ -11,33 +11,34 @@ use nacre_base::progress::Progress;
 use nacre_base::random::Stream;
 use rayon::prelude::*;
 
-/// Groups of four pixels in the sample.
+/// Number of groups of four pixels in the sample.
 const PILOT: usize = 1024;
 
 /// Noise and light of a sample of pixels, from which those of the picture are predicted.
 pub(crate) struct Pilot {
-    /// By rising weight.
+    /// Pixels by increasing weight.
     pixels: Vec<Weighed>,
-    /// Part of them that has light.
+    /// Fraction of lit pixels.
     lit: f64,
     /// Mean luminance.
     pub mean: f64,
-    /// Whether all pixels get the same.
+    /// Whether all pixels receive the same number of passes.
     even: bool,
-    /// Seconds of a round.
+    /// Time of a round in s.
     pub seconds_of_a_pass: f64,
 }
 
 /// A pixel of a pilot.
 struct Weighed {
-    /// Relative number of passes that it gets.
+    /// Relative number of passes that it receives.
     weight: f64,
-    /// Sums over it and those of larger weights: weights, variances of passes over the square of the mean luminance, and these over weights.
+    /// Sums over this pixel and those of larger weight: weights, variances of passes relative to the squared mean
+    /// luminance, and these variances over weights.
     sums: [f64; 3],
 }
 
 impl Pilot {
-    /// Renders a few thousand pixels, two by two at places drawn by chance, four times.
+    /// Renders a few thousand pixels, 2 × 2 at random positions, four times.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -62,9 +63,9 @@ impl Pilot {
         Ok(Self::of(&pixels, seconds, false))
     }
 
-    /// Of pixels that have been rendered, four side by side each.
+    /// Pilot from rendered pixels, in groups of four neighbours.
     pub(crate) fn of(pixels: &[Pixel], seconds_of_a_pass: f64, even: bool) -> Self {
-        // As in a picture, the others tell where noise is.
+        // As in a picture, the noise estimate comes from the neighbours.
         let others = |four: &[Pixel]| -> Vec<Others> {
             let without = |k: usize| four.iter().enumerate().filter(move |(i, _)| *i != k).map(|(_, p)| p);
             (0..four.len()).map(|k| Others::of(without(k))).collect()
@@ -73,7 +74,8 @@ impl Pilot {
         Self::with(pixels, weights, seconds_of_a_pass, even)
     }
 
-    /// Of the first passes of a whole picture: a few bright pixels that have most of the noise are missed by a sample.
+    /// Pilot from the first passes of a whole picture: a sample would miss the few bright pixels that have most of the
+    /// noise.
     pub(crate) fn of_picture(picture: &Picture, seconds_of_a_pass: f64) -> Self {
         Self::with(&picture.pixels, picture_weights(&picture.pixels, picture.width), seconds_of_a_pass, false)
     }
@@ -99,15 +101,15 @@ impl Pilot {
         Self { pixels: weighed, lit, mean, even, seconds_of_a_pass }
     }
 
-    /// Pixels of a picture of this size that have light, about.
+    /// Estimated number of lit pixels of a picture of this size.
     pub(crate) fn lit_pixels(&self, [width, height]: [usize; 2]) -> f64 {
         self.lit * (width * height) as f64
     }
 
     /// Noise of the picture after some rounds.
     ///
-    /// The first passes go evenly to all pixels; those that follow raise pixels to passes in proportion to their weights, and none is left out that has fewer. So
-    /// pixels whose share is less than the first passes keep these, and the level of the others is that of what remains.
+    /// The first passes are distributed evenly. Later ones raise pixels to a number of passes in proportion to their
+    /// weights; pixels that already have more keep them. The level of the others follows from the remaining passes.
     pub(crate) fn noise(&self, rounds: usize) -> f64 {
         let count = self.pixels.len() as f64;
         let first = rounds.min(FEWEST) as f64;
@@ -115,7 +117,8 @@ impl Pilot {
             return (self.sums(0)[1] / (rounds as f64).max(1.0) / count).sqrt();
         }
         let passes = (first + (rounds - FEWEST) as f64 * self.lit) * count;
-        // Passes per weight if the pixels before one keep the first passes: enough for that one from some pixel on.
+        // Passes per weight if the pixels before index `k` keep the first passes; from some index on it suffices for
+        // the pixel itself.
         let level = |k: usize| (passes - first * k as f64) / self.sums(k)[0];
         let (mut low, mut high) = (0, self.pixels.len() - 1);
         while low < high {
@@ -128,12 +131,12 @@ impl Pilot {
         ((kept + raised) / count).sqrt()
     }
 
-    /// Sums over the pixels from one on, by rising weight: weights, variances, and variances over weights.
+    /// Sums over the pixels from an index on, by increasing weight: weights, variances, and variances over weights.
     fn sums(&self, from: usize) -> [f64; 3] {
         self.pixels.get(from).map_or([0.0; 3], |p| p.sums)
     }
 
-    /// Rounds that an error takes, at most so many.
+    /// Rounds required for a target error, at most `most`.
     pub(crate) fn passes(&self, error: f64, most: usize) -> usize {
         let (mut low, mut high) = (FEWEST.min(most), most);
         while low < high {
@@ -144,14 +147,14 @@ impl Pilot {
     }
 }
 
-/// One pixel of each of `count` parts of a picture, by chance.
+/// A random pixel of the `k`-th of `count` parts of a picture.
 fn chosen(k: usize, count: usize, pixels: usize) -> usize {
     let part = pixels as f64 / count as f64;
     (((k as f64 + Stream::new(k, usize::MAX).next()) * part) as usize).min(pixels - 1)
 }
 
-/// Root mean square difference of some pixels of two scenes that differ in their accuracy, over the mean luminance, as noise is; none in the
-/// dark.
+/// Root mean square difference of some pixels of two scenes that differ in their accuracy, relative to the mean
+/// luminance; `None` in the dark.
 ///
 /// # Errors
 /// `Cancelled`.

@@ -1,22 +1,22 @@
-//! A pixel after some passes, and one pass of it.
+//! Pixel statistics, and one pass of a pixel.
 
 use crate::material::diffraction::memory::Memory;
 use crate::prepared_scene::PreparedScene;
 use nacre_base::random::Stream;
 
-/// Fewest passes from which the standard error of a pixel is estimated.
+/// Minimum number of passes for an estimate of a pixel's standard error.
 pub(crate) const FEWEST: usize = 4;
 
-/// A pixel after some passes.
+/// Statistics of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
-    /// Mean of the passes, linear sRGB (or three bands of a spectrum).
+    /// Mean of the passes, linear sRGB (or three spectral bands).
     pub rgb: [f64; 3],
     /// Mean luminance of the passes (or mean of the bands).
     pub luminance: f64,
-    /// Sum of the squared differences of the passes' luminances from their mean.
+    /// Sum of the squared deviations of the passes' luminances from their mean.
     pub squares: f64,
-    /// Passes that it has.
+    /// Number of passes.
     pub passes: u32,
 }
 
@@ -41,8 +41,8 @@ impl Pixel {
     }
 }
 
-/// One pass of a pixel: the mean of `samples` samples, X, Y, Z. They lie in as many squares of the pixel, and each of their other numbers in as many
-/// parts from 0 to 1. `samples` is 4 or 16.
+/// One pass of a pixel: the mean of `samples` samples, X, Y, Z. They are stratified over as many subpixels, and each of
+/// their other random numbers over as many intervals of 0 to 1. `samples` is 4 or 16.
 pub(super) fn pass(ready: &PreparedScene, index: usize, pass: usize, samples: usize, memory: &mut Memory) -> [f64; 3] {
     let width = ready.size()[0];
     let (x, y) = ((index % width) as f64, (index / width) as f64);

@@ -6,10 +6,10 @@ use crate::vector::{V3, across, number, place, turned};
 use nacre_base::{Error, Result};
 use std::f64::consts::TAU;
 
-/// Most pixels of a picture.
+/// Maximum number of pixels of a picture.
 const MOST_PIXELS: usize = 64 << 20;
 
-/// Who looks.
+/// The camera.
 pub(crate) struct Camera {
     pub at: V3,
     /// Right, up and forward.
@@ -43,7 +43,8 @@ impl Camera {
         Ok(Self { at: turned(at, angle), frame, size: [width, height], half: (0.5 * fov).tan(), lens, focus })
     }
 
-    /// The ray of a place of the picture, in pixels from its upper left corner, through a place of the lens.
+    /// The ray through a position of the picture, in pixels from its upper left corner, and through a point of the
+    /// lens.
     pub(super) fn ray(&self, [x, y]: [f64; 2], u: [f64; 2]) -> Ray {
         let [w, h] = self.size.map(|n| n as f64);
         let right = (2.0 * x - w) / h * self.half;

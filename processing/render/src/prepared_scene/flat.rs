@@ -1,5 +1,6 @@
-//! Tables on a flat sample under far environments: what the sample reflects depends on the direction of view alone, so that it is summed up once
-//! for all directions instead of drawn by chance for each pixel, where that is cheaper and as exact as asked for.
+//! Lookup tables on a flat sample under distant environments. The reflection depends on the direction of view only, so
+//! it is computed once for all directions. This replaces Monte Carlo sampling per pixel where it is cheaper and meets
+//! the target error.
 
 use crate::environment::{Reflected, correlate, light};
 use crate::light::Sky;
@@ -10,25 +11,26 @@ use nacre_base::Result;
 use nacre_base::progress::Progress;
 use std::f64::consts::PI;
 
-/// What a flat sample reflects of each sky.
+/// Reflection of each sky by a flat sample.
 pub(crate) struct Flat {
     frame: [V3; 3],
     skies: Vec<Reflected>,
 }
 
 impl Flat {
-    /// Whether a place is seen from the side that it is for.
+    /// Whether a point is seen from the side for which the reflection was computed.
     pub(crate) fn is_of(&self, hit: &Hit) -> bool {
         self.frame == hit.frame
     }
 
-    /// Radiance of a sky that the table reflects towards a direction of view, times that direction's cosine, before it is divided by what the table
-    /// gives back.
+    /// Radiance of a sky reflected by the table towards a direction of view, times that direction's cosine, before
+    /// albedo normalisation.
     pub(crate) fn at(&self, sky: usize, view: [f64; 3]) -> [f64; 3] {
         self.skies[sky].at(view)
     }
 
-    /// Of a flat shape of this frame, whose third axis is on the camera's side, made of a table, in `size` × `size` directions.
+    /// Computes the reflection of a flat shape with a table, in `size` × `size` directions. The third axis of `frame`
+    /// is on the camera's side.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -49,12 +51,12 @@ impl Flat {
         Ok(Self { frame, skies })
     }
 
-    /// Cells along a side of the disc of direction cosines; none without a sky.
+    /// Cells along a side of the disc of direction cosines; `None` without a sky.
     pub(crate) fn size(&self) -> Option<usize> {
         self.skies.first().map(Reflected::size)
     }
 
-    /// Root mean square difference of two over the mean, in directions of view.
+    /// Root mean square difference of two reflections, relative to the mean, over directions of view.
     pub(crate) fn differs(&self, other: &Self, views: &[[f64; 3]]) -> f64 {
         let (mut square, mut mean, mut count) = (0.0, 0.0, 0.0_f64);
         for view in views {

@@ -1,4 +1,4 @@
-//! Prepared scenes: shapes, materials and lights ready for rays, and the light that comes along a ray.
+//! Prepared scenes: shapes, materials and lights for ray tracing, and the light along a ray.
 
 pub(crate) mod camera;
 pub(crate) mod flat;
@@ -27,31 +27,31 @@ use std::path::Path;
 use std::sync::Arc;
 use two_pass::{Seen, TwoPass};
 
-/// Most shapes, and most lights, of a scene.
+/// Maximum number of shapes, and of lights, of a scene.
 const MOST_THINGS: usize = 1000;
 
-/// Places along a side of the picture from which directions of view are told.
+/// Positions along a side of the picture at which directions of view are sampled.
 const VIEWED: usize = 48;
 
-/// A scene ready for rays.
+/// A prepared scene.
 pub(crate) struct PreparedScene {
     pub camera: Camera,
     pub shapes: Vec<Placed>,
     pub materials: Vec<Material>,
     pub lamps: Vec<Lamp>,
     pub skies: Vec<Sky>,
-    /// What shapes reflect of the skies, where it has been summed up.
+    /// Precomputed reflections of the skies by shapes.
     pub flats: Vec<Option<Flat>>,
-    /// Filtered skies of shapes that two passes render.
+    /// Filtered skies of shapes that are rendered by two passes.
     pub two_passes: Vec<Option<Arc<TwoPass>>>,
     pub accuracy: Accuracy,
     pub viewer: Viewer,
-    /// How each material is computed.
+    /// Method of each material.
     pub notes: BTreeMap<String, Notes>,
     pub warnings: Vec<String>,
 }
 
-/// Refuses what makes no sense whatever its files hold.
+/// Checks the scene without its files.
 pub(crate) fn check(scene: &Scene) -> Result<()> {
     let Scene { camera, shape, light, exposure, .. } = scene;
     if shape.is_empty() {
@@ -71,15 +71,16 @@ pub(crate) fn check(scene: &Scene) -> Result<()> {
 }
 
 impl PreparedScene {
-    /// Of a scene whose files are sought in a folder; sums are to be off by less than the accuracy's error.
+    /// Prepares a scene whose files are in `folder`; the error of sums is below that of the accuracy.
     ///
     /// # Errors
-    /// `Input` for what makes no sense, with its key or file.
+    /// `Input` for invalid values, with the key or file.
     pub(crate) fn new(scene: &Scene, folder: &Path, accuracy: Accuracy, progress: &dyn Progress) -> Result<Self> {
         Self::like(None, scene, folder, accuracy, progress)
     }
 
-    /// The same for another accuracy. Parts of materials that do not depend on it are shared with `like`, an earlier reading of the scene.
+    /// Prepares a scene for another accuracy. Independent parts of materials are shared with `like`, an earlier
+    /// preparation of the scene.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -150,7 +151,7 @@ impl PreparedScene {
         Ok(Self { camera, shapes, materials, lamps, skies, flats, two_passes, accuracy, viewer, notes, warnings })
     }
 
-    /// Renders three bands of the spectrum from now on.
+    /// Switches to three bands of the spectrum.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -168,17 +169,17 @@ impl PreparedScene {
         Ok(())
     }
 
-    /// Whether any material adds up orders or wavelengths.
+    /// Whether any material sums over orders or wavelengths.
     pub(crate) fn sums(&self) -> bool {
         self.materials.iter().any(|m| !matches!(m.diffraction, None | Some(Diffraction::Table(_))))
     }
 
-    /// Pixels of a row, and rows.
+    /// Width and height in pixels.
     pub(crate) fn size(&self) -> [usize; 2] {
         self.camera.size
     }
 
-    /// Where a ray meets the nearest shape, and which.
+    /// Intersection of a ray with the nearest shape, and the shape's index.
     fn meet(&self, ray: &Ray, range: [f64; 2]) -> Option<(Hit, usize)> {
         let mut best: Option<(Hit, usize)> = None;
         for (k, shape) in self.shapes.iter().enumerate() {
@@ -190,7 +191,7 @@ impl PreparedScene {
         best
     }
 
-    /// Directions, in its frame, in which a shape is seen from some places of the picture.
+    /// Directions, in its frame, in which a shape is seen from some positions of the picture.
     pub(crate) fn views_of(&self, shape: usize) -> Vec<[f64; 3]> {
         let [width, height] = self.camera.size.map(|n| n as f64);
         let at = |k: usize, n: f64| (k as f64 + 0.5) / VIEWED as f64 * n;
@@ -202,7 +203,8 @@ impl PreparedScene {
         (0..VIEWED * VIEWED).filter_map(view).collect()
     }
 
-    /// Where the rays of `side` × `side` places of the picture meet a shape, with their numbers.
+    /// Intersections of the rays at `side` × `side` positions of the picture with a shape, with the indices of the
+    /// rays.
     pub(crate) fn places_of(&self, shape: usize, side: usize) -> Vec<(usize, Hit)> {
         let [width, height] = self.camera.size.map(|n| n as f64);
         let at = |k: usize, n: f64| (k as f64 + 0.5) / side as f64 * n;
@@ -214,7 +216,7 @@ impl PreparedScene {
         (0..side * side).filter_map(place).collect()
     }
 
-    /// The frame in which a place is shaded, and the direction towards the camera's middle.
+    /// The shading frame of a point, and the direction towards the camera's centre.
     pub(crate) fn seen(&self, hit: &Hit, shape: usize) -> Seen {
         let towards = (self.camera.at - hit.point).normalize();
         (self.shading_frame(hit, shape, towards), towards)
@@ -227,8 +229,8 @@ impl PreparedScene {
         }
     }
 
-    /// Luminance that a shape's table reflects of the skies at a place, by filtered skies or, without them, by one sample of each. None for other
-    /// materials, and where nothing was filtered.
+    /// Luminance reflected by a shape's table from the skies at a point, by filtered skies or, without them, by one
+    /// sample of each. `None` for other materials, and for points without a filtered sky.
     pub(crate) fn under_skies(
         &self,
         (hit, shape): (&Hit, usize),
@@ -254,13 +256,14 @@ impl PreparedScene {
         Some(sum)
     }
 
-    /// Whether the sky is seen from a place in a direction. A normal that is not the shape's may look below the shape's horizon; that counts as open.
+    /// Whether the sky is visible from a point in a direction. A bent normal may look below the shape's horizon, which
+    /// counts as visible.
     fn open(&self, hit: &Hit, towards: V3) -> bool {
         let start = above(hit);
         hit.flat.dot(&towards) <= 0.0 || self.meet(&Ray { from: start, along: towards }, [0.0, f64::INFINITY]).is_none()
     }
 
-    /// What a shape reflects of the skies, if it is flat and made of a table and nothing hides the skies from it.
+    /// Computes the reflection of the skies by a flat shape with a table, if nothing occludes the skies.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -277,7 +280,7 @@ impl PreparedScene {
         Flat::new(frame, table, &self.skies, size, progress).map(Some)
     }
 
-    /// Says that what a shape reflects of the skies has been summed up.
+    /// Records in the notes that a shape's reflection of the skies is precomputed.
     pub(crate) fn note_flat(&mut self, shape: usize, size: usize, error: f64) {
         let material = self.shapes[shape].material;
         let Some(notes) = self.notes.values_mut().nth(material) else { return };
@@ -288,7 +291,7 @@ impl PreparedScene {
         notes.predicted_error += error;
     }
 
-    /// X, Y, Z of a place of the picture, in pixels from its upper left corner.
+    /// X, Y, Z at a position of the picture, in pixels from its upper left corner.
     pub(crate) fn at(&self, pixel: [f64; 2], random: &mut Stream, memory: &mut Memory) -> [f64; 3] {
         let ray = self.camera.ray(pixel, random.numbers());
         let Some((hit, shape)) = self.meet(&ray, [0.0, f64::INFINITY]) else {
@@ -302,7 +305,7 @@ impl PreparedScene {
         self.reflected(&hit, shape, -ray.along, random, memory)
     }
 
-    /// X, Y, Z that a place sends towards a direction.
+    /// X, Y, Z reflected by a point towards a direction.
     fn reflected(&self, hit: &Hit, shape: usize, towards: V3, random: &mut Stream, memory: &mut Memory) -> [f64; 3] {
         let material = &self.materials[self.shapes[shape].material];
         let flat = self.flats[shape].as_ref().filter(|flat| flat.is_of(hit));
@@ -344,12 +347,12 @@ impl PreparedScene {
     }
 }
 
-/// A little off the surface, so that it does not shade itself.
+/// A point slightly above the surface, to avoid self-shadowing.
 fn above(hit: &Hit) -> V3 {
     hit.point + hit.flat * (1e-7 * (1.0 + hit.t))
 }
 
-/// A frame whose normal has these components in another frame, turned back until it is seen.
+/// A frame whose normal has these components in another frame, turned back until it faces the viewer.
 fn bent(frame: &[V3; 3], [x, y, z]: [f64; 3], towards: V3) -> [V3; 3] {
     let mut n = (frame[0] * x + frame[1] * y + frame[2] * z).normalize();
     let seen = n.dot(&towards);

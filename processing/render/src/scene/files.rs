@@ -1,18 +1,18 @@
-//! The files that a scene names.
+//! The files that a scene refers to.
 
 use crate::scene::{Base, Bright, Color, Coverage, Diffraction, Light, Material, Scene, Shape, Spectrum, Value};
 use nacre_base::{Error, Result};
 use nacre_optics::color::Illuminant;
 use std::path::{Component, Path};
 
-/// Whether a path stays within the folder that it starts from.
+/// Whether a relative path stays within its folder.
 pub(crate) fn inside(path: &Path) -> bool {
     let stays = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
     !path.as_os_str().is_empty() && path.components().all(stays)
 }
 
 impl Scene {
-    /// Every file that it names, with its key.
+    /// All referenced files, with their keys.
     pub fn files(&self) -> Vec<(String, &Path)> {
         let mut files = vec![];
         for (k, shape) in self.shape.iter().enumerate() {
@@ -42,7 +42,8 @@ impl Scene {
         files
     }
 
-    /// Refuses a scene that names files outside of its folder, or that are not there: whoever sends a scene may not read this machine.
+    /// Refuses a scene that refers to files outside its folder, or to missing ones: the sender of a scene must not read
+    /// this machine's files.
     ///
     /// # Errors
     /// `Input`, which names key and file.
@@ -62,7 +63,7 @@ impl Scene {
     }
 }
 
-/// Nothing is left out of patterns here, so that a new key that may be a file is thought of.
+/// Patterns list all fields explicitly, so that the compiler points here when a key is added.
 fn of_material<'a>(key: &str, material: &'a Material, files: &mut Vec<(String, &'a Path)>) {
     let Material { base, diffraction, coverage, blend: _, normals } = material;
     let mut add = |what: &str, file: &'a Path| files.push((format!("{key}.{what}"), file));

@@ -1,11 +1,11 @@
-//! Defaults that decide a picture where a scene does not state them.
+//! Hints about unstated defaults that determine a picture.
 
 use nacre_base::text::from_toml;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 
-/// Keys of a scene that have such defaults, and those that say whether they matter.
+/// Keys of a scene with such defaults, and the keys that decide whether they matter.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct Stated {
@@ -38,7 +38,7 @@ struct Diffraction {
     spacing_um: Option<IgnoredAny>,
 }
 
-/// A line for each default that decides the picture of a scene and is not stated in it.
+/// One line for each unstated default that determines the picture of a scene.
 pub(super) fn hints(text: &str) -> Vec<String> {
     let Ok(Stated { light, material }) = from_toml::<Stated>(text) else { return vec![] };
     let mut hints: Vec<String> = light.iter().enumerate().filter_map(|(k, light)| light.hint(k + 1)).collect();
@@ -101,7 +101,7 @@ mod tests {
         let found = hints(&scene(sky, foil));
         assert!(found.len() == 1 && found[0].contains("light 1: the environment's zenith is +y"), "{found:?}");
         assert!(hints(&scene(&format!("{sky}\nup = [0, 0, 1]"), foil)).is_empty());
-        // A colour is the same from everywhere.
+        // A constant colour has no direction.
         assert!(hints(&scene("type = \"environment\"\ncolor = [1, 1, 1]", foil)).is_empty());
         let found = hints(&scene("type = \"point\"\nposition = [0, 0, 1]", "type = \"cd\""));
         assert_eq!(found.len(), 3, "{found:?}");

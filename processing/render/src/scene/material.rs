@@ -1,4 +1,4 @@
-//! Materials as users write them.
+//! Materials, as written by users.
 
 use nacre_brdf::Reflectance;
 use nacre_brdf::height::Profile;
@@ -10,25 +10,25 @@ fn one() -> f64 {
     1.0
 }
 
-/// A number for all of a surface, or a grey picture over (u, v).
+/// A constant, or a grey picture over (u, v).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Value {
-    /// The number.
+    /// Constant value.
     Number(f64),
-    /// The picture.
+    /// Grey picture.
     File(PathBuf),
 }
 
-/// Part of a surface: a number, a grey picture over (u, v), or the bright part of a photograph.
+/// Covered part of a surface: a number, a grey picture over (u, v), or the bright part of a photograph.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Coverage {
-    /// The number, 0 to 1.
+    /// Constant coverage, 0 to 1.
     Number(f64),
-    /// The picture.
+    /// Grey picture.
     File(PathBuf),
-    /// What a photograph of the surface under a flash shows bright.
+    /// Bright part of a photograph of the surface under a flash.
     Bright(Bright),
 }
 
@@ -38,13 +38,13 @@ pub enum Coverage {
 pub struct Bright {
     /// The photograph, over (u, v).
     pub photograph: PathBuf,
-    /// Brightness from which the surface diffracts: 0 to 1 of the largest code, or the value of an EXR; where bright and dark pixels differ most if it
-    /// is not given.
+    /// Brightness from which the surface diffracts: 0 to 1 relative to the largest code, or the value of an EXR.
+    /// Default: the value that best separates bright and dark pixels.
     #[serde(default)]
     pub threshold: Option<f64>,
 }
 
-/// A linear sRGB colour for all of a surface, or a picture over (u, v): 8 and 16 bits are sRGB, EXR linear.
+/// A constant linear sRGB colour, or a picture over (u, v): 8 and 16 bits are sRGB, EXR is linear.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Color {
@@ -54,23 +54,23 @@ pub enum Color {
     File(PathBuf),
 }
 
-/// What a surface is made of: a base that scatters, and what diffracts.
+/// Material of a surface: a scattering base and a diffracting layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
-    /// What scatters; nothing if it is not given.
+    /// Scattering base; default: none.
     #[serde(default)]
     pub base: Option<Base>,
-    /// What diffracts; nothing if it is not given.
+    /// Diffracting layer; default: none.
     #[serde(default)]
     pub diffraction: Option<Diffraction>,
-    /// Part of the surface that diffracts, 0 to 1; the rest is base.
+    /// Fraction of the surface that diffracts, 0 to 1; the rest is base.
     #[serde(default = "full")]
     pub coverage: Coverage,
-    /// How base and diffraction are joined.
+    /// Combination of base and diffraction.
     #[serde(default)]
     pub blend: Blend,
-    /// Normals as a picture, (n + 1)/2 in u, v and up; diffraction follows them.
+    /// Normal map, (n + 1)/2 in u, v and up; diffraction follows the normals.
     #[serde(default)]
     pub normals: Option<PathBuf>,
 }
@@ -79,18 +79,20 @@ fn full() -> Coverage {
     Coverage::Number(1.0)
 }
 
-/// How base and diffraction are joined.
+/// Combination of base and diffraction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Blend {
     /// Side by side, by coverage.
     #[default]
     Mix,
-    /// Diffraction on top: the base gets what the top's Fresnel reflectance lets through, in and out (2014 thesis, texture blending).
+    /// Diffraction on top: the base receives the light transmitted by the top's Fresnel reflectance, in and out (2014
+    /// thesis, texture blending).
     Fresnel,
 }
 
-/// Diffuse and glossy reflection: Lambert below Cook-Torrance (GGX, Schlick's Fresnel), with the light of several reflections made up for.
+/// Diffuse and glossy reflection: Lambert below Cook-Torrance (GGX, Schlick's Fresnel), with compensation for multiple
+/// reflections.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Base {
@@ -108,14 +110,14 @@ impl Default for Base {
     }
 }
 
-/// Cross-section of a grating.
+/// Profile of a grating.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Relief {
-    /// Its shape.
+    /// Shape of the profile.
     #[serde(default = "sinusoid")]
     pub profile: Profile,
-    /// From its lowest to its highest point, in µm.
+    /// Peak-to-peak depth in µm.
     pub depth_um: f64,
 }
 
@@ -143,125 +145,127 @@ fn paper_count() -> usize {
     nacre_brdf::Slits::DISC.count
 }
 
-/// What diffracts.
+/// A diffracting layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Diffraction {
-    /// A grating, the same everywhere or from maps.
+    /// A grating, uniform or from maps.
     Grating {
-        /// Cross-section.
+        /// Profile.
         relief: Relief,
-        /// Period in µm, unless a map has it.
+        /// Period in µm, unless a map contains it.
         #[serde(default)]
         period_um: Option<f64>,
-        /// Direction of the grating vector from u towards v, in degrees, unless a map has it.
+        /// Direction of the grating vector from u towards v, in degrees, unless a map contains it.
         #[serde(default)]
         orientation_deg: Option<f64>,
-        /// A folder with orientation.exr or period.exr, or one of them; masked pixels do not diffract.
+        /// A folder with orientation.exr or period.exr, or one of these files; masked pixels do not diffract.
         #[serde(default)]
         maps: Option<PathBuf>,
-        /// How often the maps are repeated along u and v.
+        /// Number of repetitions of the maps along u and v.
         #[serde(default = "once")]
         repeat: [f64; 2],
-        /// Width of the light's coherence in µm (four standard deviations), or of a facet if that is smaller.
+        /// Coherence width of the light in µm (four standard deviations), or the size of a facet if that is smaller.
         #[serde(default = "coherence")]
         coherence_um: f64,
         /// Reflectance of the smooth material.
         #[serde(default = "perfect")]
         reflectance: Reflectance,
     },
-    /// Tracks around the middle of a disc, (u, v) = (½, ½).
+    /// Tracks around the centre of a disc, (u, v) = (½, ½).
     Cd {
-        /// Distance of tracks in µm.
+        /// Track pitch in µm.
         #[serde(default = "paper_spacing")]
         period_um: f64,
-        /// Cross-section.
+        /// Profile.
         relief: Relief,
-        /// Width of the light's coherence in µm.
+        /// Coherence width of the light in µm.
         #[serde(default = "coherence")]
         coherence_um: f64,
         /// Reflectance of the smooth material.
         #[serde(default = "perfect")]
         reflectance: Reflectance,
     },
-    /// Slits that alone reflect (2017 TOG paper, Eq. 16): parallel, around the middle as `disc`, or in all directions as `radial`. Spacing, width and number
-    /// are by default those of the paper's compact disc.
+    /// Reflecting slits (2017 TOG paper, Eq. 16): parallel, around the centre with `disc`, or in all directions with
+    /// `radial`. Default spacing, width and number are those of the paper's compact disc.
     Multislit {
-        /// Distance of slits in µm.
+        /// Slit spacing in µm.
         #[serde(default = "paper_spacing")]
         spacing_um: f64,
-        /// Their width in µm.
+        /// Slit width in µm.
         #[serde(default = "paper_width")]
         width_um: f64,
-        /// How many are lit together.
+        /// Number of coherently lit slits.
         #[serde(default = "paper_count")]
         count: usize,
         /// Direction across the slits from u towards v, in degrees.
         #[serde(default)]
         orientation_deg: f64,
-        /// Around the middle of (u, v).
+        /// Slits around the centre of (u, v).
         #[serde(default)]
         disc: bool,
-        /// In all directions at every place: the slits' pattern turned around its middle (Fig. 20).
+        /// Slits in all directions at every point: the diffraction pattern rotated about its centre (Fig. 20).
         #[serde(default)]
         radial: bool,
     },
-    /// A lattice of rectangles that alone reflect, such as the subpixels of a screen.
+    /// A lattice of reflecting rectangles, such as the subpixels of a screen.
     Lattice {
-        /// Distance of rectangles along u and v, in µm.
+        /// Spacing of the rectangles along u and v, in µm.
         period_um: [f64; 2],
-        /// Their width and height in µm.
+        /// Width and height of the rectangles in µm.
         aperture_um: [f64; 2],
-        /// Direction of their rows from u towards v, in degrees.
+        /// Direction of the rows from u towards v, in degrees.
         #[serde(default)]
         orientation_deg: f64,
-        /// Width of the light's coherence in µm.
+        /// Coherence width of the light in µm.
         #[serde(default = "coherence")]
         coherence_um: f64,
         /// Reflectance of the rectangles.
         #[serde(default = "perfect")]
         reflectance: Reflectance,
     },
-    /// A table over half vectors, `lut.exr` of `nacre reconstruct lut`.
+    /// A lookup table over half vectors, `lut.exr` of `nacre reconstruct lut`.
     Table {
-        /// The table.
+        /// File of the table.
         file: PathBuf,
-        /// Reflectance that the table is scaled to: the largest over directions of view, of light from everywhere.
+        /// Albedo to which the table is scaled: the largest reflectance over directions of view, under a constant
+        /// environment.
         #[serde(default = "one")]
         albedo: f64,
-        /// Give back all light at every direction of view and in every channel.
+        /// Reflect all light at every direction of view and in every channel.
         #[serde(default)]
         lossless: bool,
-        /// Folder that `nacre factor` wrote of this table, whose curves `--method two-pass` and `auto` take; without it the table is factored when needed.
+        /// Folder written by `nacre factor` for this table, used by `--method two-pass` and `auto`; without it the
+        /// table is factorised when needed.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         factors: Option<PathBuf>,
     },
     /// A measured height field (image, EXR or text, as for `nacre brdf map`).
     Heightfield {
-        /// The file.
+        /// File of the heights.
         file: PathBuf,
-        /// Size of its pixels, unless the file says so.
+        /// Pixel size in µm, unless the file contains it.
         #[serde(default)]
         pixel_um: Option<f64>,
-        /// Height of white above black, unless the file says so.
+        /// Height of white above black in µm, unless the file contains it.
         #[serde(default)]
         range_um: Option<f64>,
-        /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
+        /// Channel of a file with several: its name, or its number from 1 (default: the first height channel).
         #[serde(default)]
         channel: Option<String>,
-        /// Largest share of gaps that are filled by interpolation, above 0 and at most 0.5; none are filled by default.
+        /// Largest fraction of gaps that may be filled by interpolation, above 0 and at most 0.5; default: none.
         #[serde(default)]
         fill_gaps: Option<f64>,
-        /// Direction of its rows from u towards v, in degrees.
+        /// Direction of the rows from u towards v, in degrees.
         #[serde(default)]
         orientation_deg: f64,
-        /// Width of the light's coherence in µm.
+        /// Coherence width of the light in µm.
         #[serde(default = "coherence")]
         coherence_um: f64,
         /// Reflectance of the smooth material.
         #[serde(default = "perfect")]
         reflectance: Reflectance,
-        /// Give back all light at every direction of view; else only what scalar theory has too much of is taken away.
+        /// Reflect all light at every direction of view; otherwise only the excess of scalar theory is removed.
         #[serde(default)]
         lossless: bool,
     },

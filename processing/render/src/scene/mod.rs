@@ -1,4 +1,4 @@
-//! Scenes as users write them (TOML).
+//! Scenes, as written by users (TOML).
 
 mod files;
 mod hints;
@@ -15,54 +15,54 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Largest scene file, in bytes.
+/// Maximum size of a scene file in bytes.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// What to do about a scene that cannot be used.
+/// Remedy for an invalid scene.
 pub(crate) const REMEDY: &str = "correct the scene; `nacre schema scene` describes it";
 
-/// A scene: a camera, shapes, lights and materials. Lengths are mm unless a name says otherwise, x to the right, y up, z towards the viewer of a
-/// sample that lies in its plane; files are sought beside the scene.
+/// A scene: a camera, shapes, lights and materials. Lengths are in mm unless a name states otherwise. x points to the
+/// right, y up, z towards the viewer of a sample in the x-y plane. File paths are relative to the scene's folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
     /// Version of the format.
     #[serde(default)]
     pub version: Version<1>,
-    /// Who looks.
+    /// The camera.
     pub camera: Camera,
-    /// What is seen.
+    /// Visible shapes.
     #[serde(default)]
     pub shape: Vec<Shape>,
-    /// What shines.
+    /// Lights.
     #[serde(default)]
     pub light: Vec<Light>,
-    /// What shapes are made of, by name.
+    /// Materials by name.
     #[serde(default)]
     pub material: BTreeMap<String, Material>,
-    /// Turns everything but the camera and the lights, about the origin, or everything.
+    /// Rotation of the shapes, the lights or the camera about the z axis.
     #[serde(default)]
     pub turn: Turn,
     /// Observer.
     #[serde(default)]
     pub observer: Observer,
-    /// Brightness of the PNG: linear light is multiplied with it; chosen from the picture if it is not given.
+    /// Factor from linear radiance to the PNG; default: chosen from the picture.
     #[serde(default)]
     pub exposure: Option<f64>,
-    /// Defaults that decide the picture and that its text does not state, a line for each.
+    /// Unstated defaults that determine the picture, one line each.
     #[serde(skip)]
     pub hints: Vec<String>,
 }
 
-/// Turns about the z axis, anticlockwise seen from +z, in degrees.
+/// Rotations about the z axis, anticlockwise seen from +z, in degrees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Turn {
-    /// Shapes.
+    /// Rotation of the shapes.
     pub sample_deg: f64,
-    /// Lights.
+    /// Rotation of the lights.
     pub light_deg: f64,
-    /// The camera.
+    /// Rotation of the camera.
     pub view_deg: f64,
 }
 
@@ -70,23 +70,23 @@ pub struct Turn {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
-    /// Where it is.
+    /// Position.
     pub position: [f64; 3],
-    /// What it looks at.
+    /// Point at the centre of the picture.
     pub target: [f64; 3],
-    /// What is up in the picture.
+    /// Direction that points up in the picture.
     #[serde(default = "y")]
     pub up: [f64; 3],
-    /// Angle of view from bottom to top, in degrees.
+    /// Vertical angle of view in degrees.
     pub fov_deg: f64,
-    /// Pixels of a row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
-    /// Diameter of the lens: 0 is sharp everywhere.
+    /// Diameter of the lens in mm; 0 for unlimited depth of field.
     #[serde(default)]
     pub aperture_mm: f64,
-    /// Distance that is sharp; that of the target if it is not given.
+    /// Focus distance in mm; default: the distance of the target.
     #[serde(default)]
     pub focus_mm: Option<f64>,
 }
@@ -111,102 +111,102 @@ fn whole() -> [f64; 2] {
     [0.0, 360.0]
 }
 
-/// A shape of one material. Coordinates (u, v) run from 0 to 1 over it: u to the right and v up in its maps.
+/// A shape of one material. Texture coordinates (u, v) run from 0 to 1: u to the right and v up in its maps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
     /// A rectangle.
     Plane {
-        /// Its middle.
+        /// Centre.
         #[serde(default)]
         center: [f64; 3],
-        /// Its front.
+        /// Normal of the front side.
         #[serde(default = "z")]
         normal: [f64; 3],
-        /// The direction of v.
+        /// Direction of v.
         #[serde(default = "y")]
         up: [f64; 3],
-        /// Along u and v.
+        /// Size along u and v.
         size: [f64; 2],
-        /// Its material.
+        /// Name of the material.
         material: String,
     },
-    /// A disc with a hole; (u, v) are those of the square around it.
+    /// A disc with a hole; (u, v) are those of the circumscribed square.
     Disc {
-        /// Its middle.
+        /// Centre.
         #[serde(default)]
         center: [f64; 3],
-        /// Its front.
+        /// Normal of the front side.
         #[serde(default = "z")]
         normal: [f64; 3],
-        /// The direction of v.
+        /// Direction of v.
         #[serde(default = "y")]
         up: [f64; 3],
         /// Radius of the hole.
         #[serde(default)]
         inner: f64,
-        /// Radius.
+        /// Outer radius.
         outer: f64,
-        /// Its material.
+        /// Name of the material.
         material: String,
     },
-    /// A sphere: u around, v from pole to pole.
+    /// A sphere: u is the longitude, v runs from pole to pole.
     Sphere {
-        /// Its middle.
+        /// Centre.
         #[serde(default)]
         center: [f64; 3],
         /// Radius.
         radius: f64,
-        /// From one pole to the other.
+        /// Direction from one pole to the other.
         #[serde(default = "y")]
         axis: [f64; 3],
-        /// Where u is 0.
+        /// Direction of u = 0.
         #[serde(default = "x")]
         start: [f64; 3],
-        /// Its material.
+        /// Name of the material.
         material: String,
     },
-    /// A cylinder without ends, or a rolled sheet: u around, v along the axis.
+    /// An open cylinder, or a rolled sheet: u around, v along the axis.
     Cylinder {
-        /// Its middle.
+        /// Centre.
         #[serde(default)]
         center: [f64; 3],
         /// Its axis.
         #[serde(default = "y")]
         axis: [f64; 3],
-        /// Where angles are 0.
+        /// Direction of angle 0.
         #[serde(default = "x")]
         start: [f64; 3],
         /// Radius.
         radius: f64,
-        /// Along the axis.
+        /// Length along the axis.
         length: f64,
-        /// First and last angle in degrees, where u is 0 and 1.
+        /// Angles in degrees at u = 0 and u = 1.
         #[serde(default = "whole")]
         arc_deg: [f64; 2],
-        /// Its material.
+        /// Name of the material.
         material: String,
     },
     /// Triangles from a file: OBJ, PLY or glTF (.gltf, .glb).
     Mesh {
-        /// The file.
+        /// File of the mesh.
         file: PathBuf,
-        /// Where its origin goes.
+        /// Position of its origin.
         #[serde(default)]
         position: [f64; 3],
-        /// Turns about x, then y, then z, in degrees.
+        /// Rotations about x, then y, then z, in degrees.
         #[serde(default)]
         rotation_deg: [f64; 3],
-        /// Size of its unit.
+        /// Length of its unit in mm.
         #[serde(default = "one")]
         scale: f64,
-        /// Its material.
+        /// Name of the material.
         material: String,
     },
 }
 
 impl Shape {
-    /// Name of its material.
+    /// Name of the material.
     pub fn material(&self) -> &str {
         match self {
             Self::Plane { material, .. }
@@ -222,7 +222,7 @@ impl Shape {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Spectrum {
-    /// A line at a wavelength in nm, 2 nm wide at half its height.
+    /// A line at a wavelength in nm, with a full width at half maximum of 2 nm.
     LineNm(f64),
     /// E, A, A-inverse, D65, FL1 to FL12, LED-B1, LED-B3, or a CSV file with rows `wavelength_nm,power`.
     Named(String),
@@ -234,63 +234,63 @@ impl Default for Spectrum {
     }
 }
 
-/// A light. Strengths are luminances: `Y` of the light's own colour.
+/// A light. Strengths are photometric: `Y` of the light's own colour.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Light {
     /// A small light at a finite distance.
     Point {
-        /// Where it is.
+        /// Position.
         position: [f64; 3],
-        /// Illuminance of what faces it at the distance of the origin.
+        /// Illuminance of a surface that faces it, at the distance of the origin.
         #[serde(default = "one")]
         illuminance: f64,
-        /// Its size: the standard deviation of a round Gaussian; a disc of radius r has r/2.
+        /// Size: standard deviation of a round Gaussian; a disc of radius r corresponds to r/2.
         #[serde(default)]
         sigma_mm: f64,
-        /// Its spectrum.
+        /// Spectrum.
         #[serde(default)]
         spectrum: Spectrum,
     },
-    /// A light that is far away.
+    /// A distant light.
     Directional {
-        /// From the scene towards it.
+        /// Direction from the scene towards the light.
         direction: [f64; 3],
-        /// Illuminance of what faces it.
+        /// Illuminance of a surface that faces it.
         #[serde(default = "one")]
         illuminance: f64,
-        /// Its size: the standard deviation of a round Gaussian; the sun's is 0.13.
+        /// Angular size: standard deviation of a round Gaussian; 0.13° for the sun.
         #[serde(default)]
         sigma_deg: f64,
-        /// Its spectrum.
+        /// Spectrum.
         #[serde(default)]
         spectrum: Spectrum,
     },
-    /// A beam whose light falls off from its middle as a Gaussian.
+    /// A beam with a Gaussian profile.
     Spot {
-        /// Where it is.
+        /// Position.
         position: [f64; 3],
-        /// What its middle falls on.
+        /// Target of the beam's axis.
         target: [f64; 3],
         /// Standard deviation of the beam in degrees.
         beam_deg: f64,
-        /// Illuminance of what faces it in the middle of the beam at the target.
+        /// Illuminance of a surface that faces it, on the axis at the target.
         #[serde(default = "one")]
         illuminance: f64,
-        /// Its size, as that of a point light.
+        /// Size, as for a point light.
         #[serde(default)]
         sigma_mm: f64,
-        /// Its spectrum.
+        /// Spectrum.
         #[serde(default)]
         spectrum: Spectrum,
     },
-    /// A rectangle that shines to its front.
+    /// A rectangle that emits from its front side.
     Rectangle {
-        /// Its middle.
+        /// Centre.
         center: [f64; 3],
-        /// Its front.
+        /// Normal of the front side.
         normal: [f64; 3],
-        /// The direction of its height.
+        /// Direction of its height.
         #[serde(default = "y")]
         up: [f64; 3],
         /// Width and height.
@@ -298,31 +298,31 @@ pub enum Light {
         /// Luminance.
         #[serde(default = "one")]
         luminance: f64,
-        /// Its spectrum.
+        /// Spectrum.
         #[serde(default)]
         spectrum: Spectrum,
     },
-    /// Light from everywhere: a lat-long picture (EXR, HDR) or a colour; its zenith is `up`, +y unless given.
+    /// Environment light: a lat-long picture (EXR, HDR) or a colour. Its zenith is `up`, by default +y.
     Environment {
-        /// The picture.
+        /// Picture file.
         #[serde(default)]
         file: Option<PathBuf>,
-        /// Layer of an OpenEXR file that has several pictures.
+        /// Layer of an OpenEXR file that contains several pictures.
         #[serde(default)]
         layer: Option<String>,
-        /// Linear sRGB, without a picture.
+        /// Linear sRGB colour, without a picture.
         #[serde(default)]
         color: Option<[f32; 3]>,
-        /// Multiplies it.
+        /// Factor on its radiance.
         #[serde(default = "one")]
         luminance: f64,
-        /// Direction of its zenith: +y, up in the picture; above a sample that lies in z = 0 it is [0, 0, 1].
+        /// Direction of its zenith. Default: +y, up in the picture; [0, 0, 1] is above a sample in the plane z = 0.
         #[serde(default = "y")]
         up: [f64; 3],
-        /// Turns it about the zenith, in degrees.
+        /// Rotation about the zenith in degrees.
         #[serde(default)]
         turn_deg: f64,
-        /// Whether the camera sees it.
+        /// Whether it is visible to the camera.
         #[serde(default)]
         visible: bool,
     },
@@ -332,16 +332,16 @@ impl Scene {
     /// Reads a scene.
     ///
     /// # Errors
-    /// `Input` for what is none; unknown keys are named.
+    /// `Input` for an invalid scene; the message names unknown keys.
     pub fn read(path: &Path) -> Result<Self> {
         let text = read_text(path, MAX_BYTES, REMEDY)?;
         Self::parse(&text).map_err(|problem| Error::file(path, problem, REMEDY))
     }
 
-    /// Of a text.
+    /// Parses a scene.
     ///
     /// # Errors
-    /// What is wrong, in words.
+    /// A description of the error.
     pub fn parse(text: &str) -> std::result::Result<Self, String> {
         let scene: Self = from_toml(text)?;
         Ok(Self { hints: hints::hints(text), ..scene })

@@ -1,17 +1,17 @@
-//! Triangles with normals and tangents, in a hierarchy of boxes.
+//! Triangle meshes with normals and tangents, in a bounding-volume hierarchy.
 
 use crate::shape::mesh_file::LeftOut;
 use crate::shape::ray::{Hit, Ray};
 use crate::vector::V3;
 use nacre_base::{Error, Result};
 
-/// Most triangles of a mesh.
+/// Maximum number of triangles of a mesh.
 pub(crate) const MOST_TRIANGLES: usize = 20_000_000;
 
-/// Triangles of a leaf, at most.
+/// Maximum number of triangles in a leaf.
 const LEAF: usize = 4;
 
-/// A corner of triangles.
+/// A triangle corner.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Corner {
     pub place: V3,
@@ -21,17 +21,17 @@ pub(crate) struct Corner {
     pub uv: Option<[f64; 2]>,
 }
 
-/// Triangles as a file has them.
+/// Triangles as read from a file.
 pub(crate) struct Raw {
-    /// The file, for complaints.
+    /// File name for error messages.
     pub name: String,
     pub corners: Vec<Corner>,
     pub triangles: Vec<[u32; 3]>,
-    /// Parts of the file that are not among them.
+    /// Parts of the file that were not read.
     pub left_out: LeftOut,
 }
 
-/// A corner with all that shading needs.
+/// A corner with all shading attributes.
 #[derive(Clone, Copy)]
 struct Shaded {
     place: V3,
@@ -43,24 +43,24 @@ struct Shaded {
 struct Node {
     low: V3,
     high: V3,
-    /// First triangle and how many, of a leaf; else the second child, the first being next.
+    /// First triangle and number of triangles of a leaf; otherwise the second child (the first child follows the node).
     first: usize,
     count: usize,
 }
 
-/// Triangles ready for rays.
+/// A mesh prepared for ray tracing.
 pub(crate) struct Mesh {
     corners: Vec<Shaded>,
     triangles: Vec<[u32; 3]>,
     nodes: Vec<Node>,
-    /// Parts of the file that are not rendered, triangles without an area among them.
+    /// Parts of the file that are not rendered, including degenerate triangles.
     pub left_out: LeftOut,
-    /// Whether it knows the direction of u, given or from (u, v).
+    /// Whether the direction of u is known, given or from (u, v).
     pub tangents: bool,
 }
 
 impl Raw {
-    /// Turns, scales and moves all corners.
+    /// Rotates, scales and moves all corners.
     pub(crate) fn place(&mut self, turn: impl Fn(V3) -> V3, scale: f64, at: V3) {
         for corner in &mut self.corners {
             corner.place = turn(corner.place) * scale + at;
@@ -73,10 +73,10 @@ impl Raw {
         Error::input(&self.name, problem, remedy)
     }
 
-    /// Checks the triangles, adds what is missing, and sorts them into boxes.
+    /// Checks the triangles, computes missing attributes, and builds the hierarchy.
     ///
     /// # Errors
-    /// `Input` for coordinates that are no numbers, corners that are not there, too many triangles or none with an area.
+    /// `Input` for non-finite coordinates, missing corners, too many triangles, and meshes without area.
     pub(crate) fn finished(mut self) -> Result<Mesh> {
         if self.triangles.len() > MOST_TRIANGLES || self.corners.len() > MOST_TRIANGLES {
             let problem = format!("has {} triangles and {} corners", self.triangles.len(), self.corners.len());
@@ -106,7 +106,8 @@ impl Raw {
         Ok(mesh)
     }
 
-    /// Corners with normals (means of their triangles', by area, where they are missing) and tangents (given, or along u).
+    /// Corners with normals (area-weighted means of their triangles' normals where missing) and tangents (given, or
+    /// along u).
     fn shaded(&self) -> Vec<Shaded> {
         let mut normals = vec![V3::zeros(); self.corners.len()];
         let mut tangents = normals.clone();
@@ -140,13 +141,13 @@ impl Raw {
 }
 
 impl Mesh {
-    /// Builds the boxes, halving the triangles along the longest side of the box of their middles.
+    /// Builds the hierarchy by halving the triangles along the longest side of the box of their centroids.
     fn sort(&mut self) {
         let middle = |m: &Self, t: &[u32; 3]| t.iter().map(|k| m.corners[*k as usize].place).sum::<V3>() / 3.0;
         let middles: Vec<V3> = self.triangles.iter().map(|t| middle(self, t)).collect();
         let mut order: Vec<u32> = (0..self.triangles.len() as u32).collect();
         let mut nodes = vec![];
-        // Ranges to do, with the node whose second child they are.
+        // Ranges to process, with the node whose second child they are.
         let mut todo = vec![(0, order.len(), None)];
         while let Some((from, to, parent)) = todo.pop() {
             let index = nodes.len();
@@ -180,8 +181,9 @@ impl Mesh {
         self.nodes = nodes;
     }
 
-    /// Its nodes (how many) and triangles as cards look them up, four numbers each: of a node its low corner and the other child or the first
-    /// triangle, its high corner and how many triangles; of a triangle's corner its place and u, its normal and v, its tangent.
+    /// Number of nodes, and nodes and triangles in the layout for graphics cards, four numbers each. A node has its low
+    /// corner with the second child or first triangle, and its high corner with the number of triangles. A triangle
+    /// corner has its position and u, its normal and v, and its tangent.
     pub(crate) fn packed(&self) -> (usize, Vec<[f32; 4]>) {
         let four = |v: &V3, w: f64| [v.x as f32, v.y as f32, v.z as f32, w as f32];
         let node = |n: &Node| [four(&n.low, n.first as f64), four(&n.high, n.count as f64)];
@@ -193,7 +195,7 @@ impl Mesh {
         (self.nodes.len(), self.nodes.iter().flat_map(node).chain(triangles).collect())
     }
 
-    /// The nearest triangle that a ray meets.
+    /// The nearest intersection of a ray with a triangle.
     pub(crate) fn meet(&self, ray: &Ray, [near, mut far]: [f64; 2]) -> Option<Hit> {
         let inverse = ray.along.map(|c| 1.0 / c);
         let mut best = None;
@@ -207,7 +209,7 @@ impl Mesh {
                 continue;
             }
             if node.count == 0 {
-                // The tree is balanced, so that 64 levels hold more triangles than memory.
+                // The tree is balanced, so 64 levels hold more triangles than fit into memory.
                 stack[depth] = node.first;
                 stack[depth + 1] = index + 1;
                 depth += 2;
@@ -223,7 +225,7 @@ impl Mesh {
         best.map(|(k, t, weights)| self.shade(k, ray, t, weights))
     }
 
-    /// Möller and Trumbore (1997): distance and weights of the corners.
+    /// Möller and Trumbore (1997): distance and barycentric weights.
     fn triangle(&self, k: usize, ray: &Ray, [near, far]: [f64; 2]) -> Option<(f64, [f64; 3])> {
         let [a, b, c] = self.triangles[k].map(|k| self.corners[k as usize].place);
         let (p, q) = (b - a, c - a);
@@ -248,10 +250,10 @@ impl Mesh {
         let flat = (b - a).cross(&(c - a)).normalize();
         let smooth = mix(&|c| c.normal);
         let normal = if smooth.norm() > 1e-9 { smooth.normalize() } else { flat };
-        // Where (u, v) are mirrored, so is the frame.
+        // Mirrored (u, v) mirror the frame.
         let [p, q] = [1, 2].map(|i| [0, 1].map(|k| corners[i].uv[k] - corners[0].uv[k]));
         let handed = if (p[0] * q[1] - p[1] * q[0]) * flat.dot(&normal) < 0.0 { -1.0 } else { 1.0 };
-        // Both on one side, and on the ray's.
+        // Both normals are oriented alike, towards the ray.
         let flat = if flat.dot(&normal) < 0.0 { -flat } else { flat };
         let along = mix(&|c| c.tangent);
         let across = along - normal * along.dot(&normal);
@@ -259,7 +261,7 @@ impl Mesh {
         let uv = [0, 1].map(|i| corners.iter().zip(weights).map(|(c, w)| c.uv[i] * w).sum());
         let front = if flat.dot(&ray.along) > 0.0 { -1.0 } else { 1.0 };
         let mut n = normal * front;
-        // A smoothed normal that looks away from the viewer shades as if seen edge-on.
+        // A smoothed normal that faces away from the viewer is shaded as if seen edge-on.
         let away = n.dot(&ray.along);
         if away > -1e-3 {
             n = (n - ray.along * (away + 1e-3)).normalize();
@@ -280,7 +282,7 @@ impl Node {
         for axis in 0..3 {
             let a = (self.low[axis] - ray.from[axis]) * inverse[axis];
             let b = (self.high[axis] - ray.from[axis]) * inverse[axis];
-            // A ray within a side gives NaN, which max and min pass over.
+            // A ray within a side gives NaN, which max and min ignore.
             from = from.max(a.min(b));
             to = to.min(a.max(b) * (1.0 + 1e-12));
         }
@@ -288,13 +290,13 @@ impl Node {
     }
 }
 
-/// Whether a triangle has an area, compared with its longest side.
+/// Whether a triangle has an area, relative to its longest side.
 pub(crate) fn has_area([p, q, r]: [V3; 3]) -> bool {
     let longest = (q - p).norm_squared().max((r - p).norm_squared()).max((r - q).norm_squared());
     longest > 0.0 && (q - p).cross(&(r - p)).norm() > 1e-12 * longest
 }
 
-/// Some direction across a normal.
+/// An arbitrary direction perpendicular to a normal.
 fn any_across(n: V3) -> V3 {
     let axis = if n.x.abs() < 0.9 { V3::x() } else { V3::y() };
     (axis - n * axis.dot(&n)).normalize()

@@ -1,4 +1,4 @@
-//! Shapes and where rays meet them.
+//! Shapes and their intersections with rays.
 
 pub(crate) mod mesh;
 mod mesh_file;
@@ -12,16 +12,16 @@ use ray::{Hit, Ray, hit};
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-/// Sizes that a scene may have, in mm.
+/// Permitted sizes in a scene, in mm.
 pub(crate) const SIZES: [f64; 2] = [1e-6, 1e7];
 
-/// A shape ready for rays, with the index of its material.
+/// A prepared shape, with the index of its material.
 pub(crate) struct Placed {
     pub form: Form,
     pub material: usize,
 }
 
-/// What a shape is.
+/// Geometry of a shape.
 pub(crate) enum Form {
     /// A rectangle, or a disc within it.
     Flat {
@@ -45,13 +45,14 @@ pub(crate) enum Form {
     Mesh(Box<Mesh>),
 }
 
-/// An axis and two directions across it, turned about z.
+/// An axis and two perpendicular directions, rotated about z.
 fn frame_about(axis: V3, first: V3, angle: f64) -> [V3; 3] {
     [first, axis.cross(&first), axis].map(|v| turned(v, angle))
 }
 
 impl Form {
-    /// Of a description; meshes are sought beside the scene. All of it is turned about the z axis by an angle in rad.
+    /// Prepares a described shape, rotated about the z axis by `angle` (rad); mesh paths are relative to the scene's
+    /// folder.
     pub(crate) fn new(name: &str, shape: &scene::Shape, folder: &Path, angle: f64) -> Result<Self> {
         let key = |what: &str| format!("{name}.{what}");
         let middle = |center: &[f64; 3]| place(&key("center"), *center).map(|c| turned(c, angle));
@@ -106,7 +107,7 @@ impl Form {
         }
     }
 
-    /// The nearest place that a ray meets within distances.
+    /// The nearest intersection with a ray within a range of distances.
     pub(crate) fn meet(&self, ray: &Ray, [near, far]: [f64; 2]) -> Option<Hit> {
         match self {
             Self::Flat { center, frame, half, round } => flat(ray, [near, far], *center, frame, *half, *round),
@@ -150,14 +151,14 @@ impl Form {
     }
 }
 
-/// Roots of `a t² + 2 b t + c`, rising.
+/// Roots of `a t² + 2 b t + c`, in increasing order.
 fn roots(a: f64, b: f64, c: f64) -> Option<[f64; 2]> {
     let square = b * b - a * c;
     if square < 0.0 {
         return None;
     }
     let root = square.sqrt();
-    // Without cancellation.
+    // This form avoids cancellation.
     let q = -(b + root.copysign(b));
     let mut both = if q == 0.0 { [0.0, 0.0] } else { [q / a, c / q] };
     if both[0] > both[1] {

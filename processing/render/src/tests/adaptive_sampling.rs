@@ -1,8 +1,8 @@
-//! Samples where noise is, against as many everywhere.
+//! Tests of adaptive against uniform sampling.
 
 use super::*;
 
-/// Root mean square of the differences of luminances, and the difference of the means, over the mean.
+/// Root mean square luminance difference and difference of the means, relative to the mean.
 fn off(found: &Picture, truth: &Picture) -> [f64; 2] {
     let count = truth.pixels.len() as f64;
     let mean = truth.pixels.iter().map(|p| p.luminance).sum::<f64>() / count;
@@ -11,7 +11,8 @@ fn off(found: &Picture, truth: &Picture) -> [f64; 2] {
     [square.sqrt() / mean, pairs().sum::<f64>() / count / mean]
 }
 
-/// The error of as many samples falls to less than half; it is what the picture says, and the picture is no darker.
+/// The error falls to less than half for the same number of samples, matches the picture's estimate, and the picture is
+/// unbiased.
 #[test]
 fn samples_where_noise_is_save_error_and_bias_nothing() {
     let dir = tempfile::tempdir().unwrap();
@@ -20,12 +21,12 @@ fn samples_where_noise_is_save_error_and_bias_nothing() {
     let lamp = "[[light]]\ntype = \"rectangle\"\ncenter = [0, 150, 100]\nnormal = [0, -1, -0.6]\nup = [0, 0, 1]\nsize = [20, 20]\nluminance = 5\n";
     let skin = "[material.a.diffraction]\ntype = \"heightfield\"\nfile = \"heights.exr\"\ncoherence_um = 5\n";
     for more in [format!("{shape}{FOIL}"), format!("{shape}{lamp}{skin}")] {
-        // A lamp so wide that no single pixel decides.
+        // A lamp so wide that no single pixel dominates.
         let scene = Scene::parse(&format!("{STAGE}{more}").replace("sigma_mm = 4", "sigma_mm = 12")).unwrap();
         let ready = PreparedScene::new(&scene, dir.path(), Accuracy::new(0.01, None), &Silent).unwrap();
         let rounds = 24;
         let all = vec![100; 32 * 32];
-        // Passes that the others do not have: what many have without what the first have.
+        // The later passes alone: all passes without the first ones.
         let mut first = Picture::new(ready.size());
         first.add_passes(&ready, &all, &Silent).unwrap();
         let mut truth = first.clone();

@@ -1,4 +1,4 @@
-//! Input that makes no sense.
+//! Tests of invalid input.
 
 use super::*;
 
@@ -66,7 +66,7 @@ fn what_makes_no_sense_is_named() {
     }
 }
 
-/// A table comes from anywhere: what it calls its light is no file to be opened.
+/// A table may come from an untrusted source: its illuminant name must not be opened as a file.
 #[test]
 fn the_light_of_a_table_is_no_path() {
     let dir = tempfile::tempdir().unwrap();
@@ -91,7 +91,7 @@ fn the_light_of_a_table_is_no_path() {
             "{said}"
         );
     }
-    // White under its own light: gray in the sky's.
+    // White under the table's illuminant is gray under the sky's.
     let found = mean(&table(Some("1.1 1 0.4")).unwrap().0);
     assert!(found.iter().all(|v| (v - 1.0).abs() < 0.03), "{found:?}");
 }

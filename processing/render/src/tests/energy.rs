@@ -1,4 +1,4 @@
-//! Energy and reciprocity.
+//! Tests of energy conservation and reciprocity.
 
 use super::*;
 
@@ -11,7 +11,7 @@ fn nothing_gains_light_and_what_is_lossless_loses_none() {
         )
     };
     let top = |text: &str| format!("[material.a.diffraction]\n{text}\n");
-    // Material, what comes back, samples.
+    // Material, reflected share, samples.
     let cases = [
         (base(1.0, 0.3, 0.04), 1.0, 8192),
         (base(1.0, 0.9, 0.5), 1.0, 8192),
@@ -53,9 +53,9 @@ fn tables_give_back_what_they_get() {
         )
     };
     let top = |text: &str| format!("[material.a.diffraction]\n{text}\n");
-    // Grazing light is drawn seldom and counts much: fewer samples leave 0.6 %.
+    // Grazing light is sampled rarely with large weights: fewer samples leave an error of 0.6 %.
     lossless_is_white(dir.path(), &top("type = \"table\"\nfile = \"lut.exr\"\nlossless = true"), 65_536, 0.005);
-    // Not made lossless, they lose some at most.
+    // Without `lossless` they lose some light at most.
     for material in [
         top("type = \"table\"\nfile = \"lut.exr\""),
         format!(
@@ -85,11 +85,11 @@ fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// A lossless material shows a white sky as it is: its luminance to half a per cent, its colours to `allowed`.
+/// A lossless material reproduces a white sky: its luminance to 0.5 %, its colours to `allowed`.
 fn lossless_is_white(dir: &Path, material: &str, samples: usize, allowed: f64) {
     for (angle, azimuth) in [(0.0, 0.0), (40.0, 0.0), (65.0, 70.0)] {
         let text = plane(angle, azimuth, &format!("{material}{SKY}"));
-        // By chance: summed up, a table would be divided by the same sum.
+        // By Monte Carlo sampling: a precomputed table would be divided by the same sum.
         let found = mean(&picture(&text, dir, &Settings { method: Method::Samples, ..settings(samples, 1e-4) }));
         let white = luminance(found);
         assert!((white - 1.0).abs() < 0.005, "{angle} {azimuth}: {white} {found:?}\n{material}");
@@ -148,7 +148,8 @@ fn balanced_orders_are_reciprocal_and_near_to_scalar_theory() {
             }
         }
     }
-    // Light from above on a shallow grating: all orders that have light are there, and w is nearly the same for all.
+    // Light along the normal of a shallow grating: all orders with significant power propagate, and w is nearly the
+    // same for all.
     let shallow = Section::Formula { profile: Profile::Sinusoid, depth_um: 0.03 };
     let grating = Grating::new(&shallow, 8.0, 0.01, Reflectance::Perfect, 1e-9);
     let groove = Groove { across: [1.0, 0.0], period_um: 8.0 };

@@ -1,11 +1,11 @@
-//! Tables on flat samples, whose reflection of a sky is summed up once.
+//! Tests of the precomputed reflection of lookup tables on flat samples.
 
 use super::*;
 use crate::material::diffraction::Diffraction;
 use crate::material::diffraction::table::Table;
 use std::f64::consts::PI;
 
-/// A sky with a lamp of some 10° that is not alike to any side.
+/// A sky with a lamp of about 10° and no symmetry.
 pub(super) fn sky(folder: &Path) {
     write_exr(&folder.join("sky.exr"), 128, 64, &["R", "G", "B"], &[], &|c, y, row| {
         for (x, out) in row.iter_mut().enumerate() {
@@ -53,9 +53,9 @@ fn what_is_summed_up_is_what_is_drawn_by_chance() {
             "{position:?}: off {off}, bias {bias}, noise {noise}, {} against {} samples",
             report.samples, other.samples
         );
-        // Measured: a 47th to a 460th.
+        // Measured: between 1/47 and 1/460.
         assert!(report.samples < other.samples / 20);
-        // The mean of both pictures has 1/32 of the noise, twice which is allowed.
+        // The mean of both pictures has 1/32 of the noise; twice that is allowed.
         assert!(
             off < 1.2 * noise && bias.abs() < report.predicted_model_error + noise / 16.0,
             "{position:?}: {off} {bias} {noise}"
@@ -63,7 +63,7 @@ fn what_is_summed_up_is_what_is_drawn_by_chance() {
     }
 }
 
-/// Where another shape may stand before the sky, and where few samples reach the error that is asked for, light is drawn by chance.
+/// Monte Carlo sampling is used where another shape may occlude the sky, and where few samples meet the target error.
 #[test]
 fn sums_are_left_out_where_they_do_not_hold_or_do_not_pay() {
     let dir = tempfile::tempdir().unwrap();
@@ -77,7 +77,8 @@ fn sums_are_left_out_where_they_do_not_hold_or_do_not_pay() {
     }
 }
 
-/// With 64 samples allowed, the sum meets the error asked for; the same samples drawn by chance have more than three times as much.
+/// With 64 samples allowed, the precomputed sum meets the target error; as many Monte Carlo samples have more than
+/// three times the error.
 #[test]
 fn the_error_decides_the_method_not_the_sample_limit() {
     let dir = tempfile::tempdir().unwrap();
@@ -92,7 +93,8 @@ fn the_error_decides_the_method_not_the_sample_limit() {
     assert!(report.noise.hypot(report.predicted_model_error) <= 0.02 && other.noise > 0.06, "{report:?} {other:?}");
 }
 
-/// An error that neither way reaches: what is summed up with the finest cells is closer than what the samples leave by chance.
+/// For a target error that neither method reaches, the sum with the finest cells is more accurate than the permitted
+/// samples.
 #[test]
 fn what_samples_do_not_reach_is_summed_up_all_the_same() {
     let dir = tempfile::tempdir().unwrap();
@@ -108,7 +110,7 @@ fn what_samples_do_not_reach_is_summed_up_all_the_same() {
     assert!(other.noise > 1e-4 && off < 0.5 * other.noise, "{off} {}", other.noise);
 }
 
-/// What a white sky becomes, times the cosine of view, by a plain sum over light.
+/// Reflection of a white sky, times the cosine of view, by direct summation over light.
 fn plainly(table: &Table, view: [f64; 3]) -> [f64; 3] {
     let (n, mut sum) = (400, [0.0; 3]);
     for i in 0..2 * n * n {
@@ -122,7 +124,7 @@ fn plainly(table: &Table, view: [f64; 3]) -> [f64; 3] {
     sum
 }
 
-/// A white sky summed up, and what a lossless table is divided by so that it stays white, are those of plain sums up to the horizon.
+/// The precomputed reflection of a white sky, and the divisor of a lossless table, match direct sums up to the horizon.
 #[test]
 fn white_skies_are_those_of_plain_sums() {
     let dir = tempfile::tempdir().unwrap();
@@ -132,7 +134,7 @@ fn white_skies_are_those_of_plain_sums() {
         PreparedScene::new(&Scene::parse(&text).unwrap(), dir.path(), Accuracy::new(1e-3, None), &Silent).unwrap();
     let flats = [64, 128, 256].map(|size| ready.flat(0, size, &Silent).unwrap().unwrap());
     let Some(Diffraction::Table(table)) = &ready.materials[0].diffraction else { panic!("no table") };
-    // Farthest off: by cells, and what the table is divided by.
+    // Largest deviations: of the cells, and of the table's divisor.
     let mut worst = [0.0_f64; 4];
     for angle in [0.0_f64, 40.0, 65.0, 80.0, 88.0, 89.5] {
         for azimuth in [10.0_f64, 75.0, 200.0] {
@@ -146,7 +148,7 @@ fn white_skies_are_those_of_plain_sums() {
             }
         }
     }
-    // Half a per cent is what a white furnace is asked for. Measured: 0.43, 0.18 and 0.13 %, and 0.14 % for the table; where a cell of the table's edge
-    // counted for two thirds instead of a half, 1.9, 1.1, 0.6 and 0.8 %.
+    // The white-furnace tolerance is 0.5 %. Measured: 0.43, 0.18 and 0.13 %, and 0.14 % for the table. With a weight of
+    // two thirds instead of a half for cells at the table's edge: 1.9, 1.1, 0.6 and 0.8 %.
     assert!(worst.iter().all(|off| *off < 0.005), "{worst:?}");
 }

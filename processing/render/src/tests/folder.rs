@@ -1,4 +1,4 @@
-//! Rendering as a job: files that a scene names, glimpses, scenes of maps.
+//! Tests of rendering jobs: referenced files, previews, scenes of maps.
 
 use crate::{GALLERY, Options, Picture, Pixel, Scene, SoFar, gallery_scene, scene_of_maps};
 use nacre_base::operation::{Operation, perform};
@@ -25,7 +25,7 @@ position = [0, 100, 280]
 albedo = [0.5, 0.5, 0.5]
 ";
 
-/// Keeps intermediate pictures.
+/// Stores the previews.
 #[derive(Default)]
 struct Watched(Mutex<Vec<(SoFar, Vec<u8>)>>);
 
@@ -80,7 +80,7 @@ fn a_job_shows_its_passes_and_leaves_nothing_when_it_fails() {
     let watched = Watched::default();
     perform(&options, dir.path(), &out, false, &watched).unwrap();
     let seen = watched.0.into_inner().unwrap();
-    // They come a second apart, so that a short job shows its first pass alone.
+    // Previews are at least a second apart, so a short job shows only its first pass.
     assert!(seen[0].0.passes == 1 && seen[0].0.noise.is_nan() && seen.len() < 16, "{}", seen.len());
     assert!(seen.iter().all(|(so_far, png)| so_far.of >= so_far.passes && png.starts_with(b"\x89PNG")));
     let report: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("report.json")).unwrap()).unwrap();

@@ -1,8 +1,9 @@
-//! Predictions of noise, on scenes that nothing was set by.
+//! Tests of noise predictions, on scenes that were not used to tune them.
 
 use super::*;
 
-/// A picture's noise is within 1.5 times of what its first passes predict, also where few pixels of many have nearly all of it.
+/// A picture's noise is within a factor of 1.5 of the prediction from its first passes, even where few pixels have
+/// nearly all of it.
 #[test]
 fn noise_is_predicted_where_few_pixels_have_most_of_it() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,11 +1,11 @@
-//! Lamps of some extent, against the same lamp divided into points.
+//! Tests of extended lamps, against the same lamp divided into points.
 
 use super::*;
 use crate::material::diffraction::Diffraction;
 use nacre_optics::color::Observer;
 use std::f64::consts::PI;
 
-/// Light that slits send on, relative to the mirror direction: each slit's wave, one after the other.
+/// Light diffracted by slits, relative to the mirror direction, by summation of each slit's wave.
 fn waves(spacing: f64, width: f64, count: usize, frequency: f64) -> f64 {
     let x = PI * width * frequency;
     let slit = if x == 0.0 { 1.0 } else { x.sin() / x };
@@ -14,8 +14,9 @@ fn waves(spacing: f64, width: f64, count: usize, frequency: f64) -> f64 {
     slit * slit * (sin * sin + cos * cos) / (count * count) as f64
 }
 
-/// Luminance of the paper's disc at normal view, under light of 550 nm whose directions are a Gaussian about one: by 161 × 81 points of the lamp at 9 wavelengths.
-/// Orders have the powers of the renderer's own matrix, as a lobe's integral over directions is its order's power.
+/// Luminance of the paper's disc at normal view, under light of 550 nm with a Gaussian distribution of directions. It
+/// is a sum over 161 × 81 points of the lamp at 9 wavelengths. Order powers are those of the renderer's own matrix,
+/// since the integral of a lobe over directions is its order's power.
 fn divided(ready: &PreparedScene, light: [f64; 3], sigma: f64) -> f64 {
     let Some(Diffraction::Comb(comb)) = &ready.materials[0].diffraction else { panic!("no slits") };
     let (spacing, width, count) = (2.0, 0.5, 21);
@@ -51,8 +52,8 @@ fn divided(ready: &PreparedScene, light: [f64; 3], sigma: f64) -> f64 {
     light[2] * sum / white
 }
 
-/// Between orders and on them, under lamps narrower than a lobe, as wide and much wider, a lamp is what its points are together. Five points, as the sum
-/// once had, left 0.27 beside 0.94 and 1.00 here.
+/// Between orders and on them, an extended lamp equals the sum of its points, for lamps narrower than a lobe, as wide
+/// and much wider. Five points, as in an earlier version, gave 0.27 beside 0.94 and 1.00 here.
 #[test]
 fn slits_under_a_wide_lamp_have_no_ripples() {
     let material = "[material.a.diffraction]\ntype = \"multislit\"\nspacing_um = 2\nwidth_um = 0.5\ncount = 21\n";

@@ -1,4 +1,4 @@
-//! Pictures against closed forms, energy, symmetry, and input that makes no sense.
+//! Tests of pictures against closed forms, energy conservation, symmetry, and invalid input.
 
 mod adaptive_sampling;
 mod bad_input;
@@ -51,7 +51,7 @@ fn mean(picture: &Picture) -> [f64; 3] {
     [0, 1, 2].map(|c| picture.pixels.iter().map(|p| p.rgb[c]).sum::<f64>() / picture.pixels.len() as f64)
 }
 
-/// A table of a lattice of spots.
+/// Writes a lookup table of a lattice of spots.
 fn table(folder: &Path) {
     let n = 96;
     write_exr(
@@ -75,7 +75,7 @@ fn table(folder: &Path) {
     .unwrap();
 }
 
-/// Heights of a bumpy surface.
+/// Writes heights of a bumpy surface.
 fn heights(folder: &Path) {
     let n = 64;
     let attributes = [("units", Attribute::Text("µm".into())), ("pixel_um", Attribute::Number(0.09))];
@@ -88,7 +88,7 @@ fn heights(folder: &Path) {
     .unwrap();
 }
 
-/// Linear sRGB of a grating by a sum over 40000 wave numbers and all orders, from the formulas alone.
+/// Linear sRGB of a grating by a sum over 40000 wave numbers and all orders, directly from the formulas.
 fn brute(period: f64, [view, light]: [[f64; 3]; 2], sigma: f64, grating: &Grating) -> [f64; 3] {
     let groove = Groove { across: [1.0, 0.0], period_um: period };
     let (low, high) = (1.0 / 0.78, 1.0 / 0.38);
@@ -136,7 +136,7 @@ fn a_point_lights_picture_is_the_brdf_pixel_by_pixel() {
         let mut memory = Default::default();
         let found = ready.at([x, y], &mut Stream::new(k, 0), &mut memory);
         let found = nacre_optics::color::linear_srgb(found.map(|v| v as f32)).map(f64::from);
-        // From the place on the plane to the camera.
+        // From the point on the plane to the camera.
         let place = nalgebra::Vector3::new((x / 12.0 - 1.0) * half * 100.0, (1.0 - y / 12.0) * half * 100.0, 0.0);
         let view = (nalgebra::Vector3::new(0.0, 0.0, 100.0) - place).normalize();
         let pair = [[view.x, view.y, view.z], [light.x, light.y, light.z]];
@@ -146,7 +146,7 @@ fn a_point_lights_picture_is_the_brdf_pixel_by_pixel() {
             worst = worst.max((found[c] - truth[c]).abs());
         }
     }
-    // Where an order passes the horizon, the others jump; powers are linear between 65 wave numbers and smear that.
+    // Where an order becomes evanescent the others jump; linear interpolation between 65 wave numbers smears the jump.
     // Measured: 0.24 % of the brightest.
     assert!(worst < 4e-3 * brightest && brightest > 0.1, "{worst} of {brightest}");
 }
@@ -183,7 +183,7 @@ fn a_height_fields_picture_is_its_brdf() {
         let found = ready.at([0.5, 0.5], &mut Stream::new(0, 0), &mut Default::default());
         for c in 0..3 {
             let truth = f64::from(truth[c]) * b;
-            // Each is exact to a hundredth.
+            // Each is accurate to 1 %.
             assert!(
                 (found[c] - truth).abs() < 0.02 * truth + 1e-3 * f64::from(brightest),
                 "{k} {c}: {} {truth}",
@@ -216,11 +216,11 @@ fn turning_all_together_changes_nothing() {
     };
     let still = of(0.0, 0.0, 0.0);
     assert!(largest(&still, &of(77.0, 77.0, 77.0)) < 1e-6);
-    // The sample alone is light and view the other way round; and that is another picture.
+    // Rotating the sample alone exchanges light and view, and gives another picture.
     let turned = of(40.0, 0.0, 0.0);
     assert!(largest(&turned, &of(0.0, -40.0, -40.0)) < 1e-6);
     assert!(largest(&still, &turned) > 0.05);
-    // Under an environment as well.
+    // The same under an environment.
     let sky = "[[light]]\ntype = \"environment\"\ncolor = [1, 0.5, 0.2]\n";
     let of = |angle: f64| {
         let turn = format!("[turn]\nsample_deg = {angle:?}\nlight_deg = {angle:?}\nview_deg = {angle:?}\n");
@@ -248,13 +248,13 @@ fn a_mesh_of_a_rectangle_is_the_plane() {
     };
     let truth = of("type = \"plane\"\nsize = [90, 70]");
     for file in ["a.obj", "a.ply", "a.gltf"] {
-        // A float's rounding moves an edge by 1e-5 of a pixel.
+        // Rounding of f32 moves an edge by 1e-5 of a pixel.
         let found = of(&format!("type = \"mesh\"\nfile = \"{file}\""));
         assert!(largest(&truth, &found) < 1e-5, "{file}: {}", largest(&truth, &found));
     }
 }
 
-/// The rectangle as glTF, whose v runs down.
+/// The rectangle as glTF, where v points down.
 fn gltf() -> String {
     use base64::Engine;
     let floats: [f32; 20] = [
@@ -288,7 +288,7 @@ fn noise_and_sums_are_as_predicted() {
     }
 }
 
-/// Sums are off by what was said, to a factor of two, and by no more than they were allowed.
+/// The error of sums matches its prediction within a factor of two, and stays below the permitted error.
 fn as_predicted(report: &Report) {
     let (predicted, measured) = (report.predicted_model_error, report.measured_model_error.unwrap());
     println!("sums off by {predicted:.2e} predicted, {measured:.2e} measured");
@@ -311,10 +311,10 @@ fn sums_are_off_by_what_is_said_however_much_that_may_be() {
     }
 }
 
-/// Where nothing but the far flank of a lobe is in view, the flank itself is what sums must hold.
+/// Where only the far flank of a lobe is visible, sums must be accurate relative to the flank.
 #[test]
 fn flanks_of_lobes_are_as_exact_as_lobes() {
-    // Middles of lobes have some 100.
+    // The centres of lobes have values of about 100.
     for (beside, faint) in [(0.05, 1.0), (0.08, 1e-3)] {
         let light = nalgebra::Vector3::new(0.4, beside, 0.9).normalize();
         let more = format!(
@@ -344,7 +344,7 @@ fn what_was_kept_is_gone_on_with() {
     picture(&text, dir.path(), &part);
     let rest = picture(&text, dir.path(), &Settings { keep: keep.clone(), resume: true, ..settings(32, 1e-5) });
     assert_eq!((whole.passes, rest.passes), (8, 8));
-    // The state holds single precision.
+    // The saved state has single precision.
     assert!(largest(&whole, &rest) < 1e-6);
     let other = Scene::parse(&text.replace("radius = 40", "radius = 41")).unwrap();
     let refused = render(&other, dir.path(), &Settings { keep, resume: true, ..settings(32, 1e-5) }, &Silent);
@@ -353,7 +353,7 @@ fn what_was_kept_is_gone_on_with() {
 
 #[test]
 fn a_lens_is_sharp_at_its_focus_only() {
-    // A lit square's edge in the middle of the picture.
+    // The edge of a lit square at the centre of the picture.
     let of = |focus: f64| {
         let text = format!(
             "[camera]\nposition = [0, 0, 100]\ntarget = [0, 0, 0]\nfov_deg = 0.3133\nwidth = 32\nheight = 1\naperture_mm = 10\nfocus_mm = {focus:?}\n\
@@ -365,7 +365,7 @@ fn a_lens_is_sharp_at_its_focus_only() {
         picture.pixels.iter().filter(|p| p.luminance > 0.02 * full && p.luminance < 0.98 * full).count()
     };
     assert!(of(100.0) <= 1, "{}", of(100.0));
-    // A point is seen as a disc of aperture · |1 - 100/200| = 5 mm, of the picture's 17.5 mm in 32: 9 pixels.
+    // A point is imaged as a disc of aperture · |1 - 100/200| = 5 mm; 17.5 mm are 32 pixels, so it has 9 pixels.
     let blurred = of(200.0);
     assert!((6..=11).contains(&blurred), "{blurred}");
 }

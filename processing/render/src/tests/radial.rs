@@ -1,9 +1,9 @@
-//! Slits in all directions, and the bright part of a photograph (2017 TOG paper, Fig. 20).
+//! Tests of slits in all directions, and of the bright part of a photograph (2017 TOG paper, Fig. 20).
 
 use super::*;
 use nacre_image::write_png16_gray;
 
-/// Step of the directions that are added up.
+/// Step of the directions in the sum.
 const STEP_DEG: f64 = 0.25;
 
 /// Luminance of slits under a small light of one wavelength, at normal view.
@@ -17,7 +17,7 @@ fn luminance(layout: &str, light: [f64; 3]) -> f64 {
     ready.at([2.0, 2.0], &mut Stream::new(0, 0), &mut Default::default())[1]
 }
 
-/// Slits in all directions are the mean of slits of each: on orders and between them, from any side.
+/// Slits in all directions equal the mean over slits of each direction: on orders and between them, from any side.
 #[test]
 fn radial_slits_are_the_mean_over_all_directions() {
     let (mut worst, mut most) = (0.0_f64, 0.0_f64);
@@ -25,7 +25,7 @@ fn radial_slits_are_the_mean_over_all_directions() {
         let (sin, cos) = angle.to_radians().sin_cos();
         let (s, c) = azimuth.to_radians().sin_cos();
         let light = [sin * c, sin * s, cos];
-        // Slits that lie farther from it send nothing there: their window is narrower.
+        // Slits at a larger angle contribute nothing there, because their window is narrower.
         let turned = |k: i32| luminance(&format!("orientation_deg = {:?}", azimuth + STEP_DEG * f64::from(k)), light);
         let truth = (-60..=60).map(turned).sum::<f64>() * STEP_DEG / 180.0;
         let found = luminance("radial = true", light);
@@ -36,7 +36,7 @@ fn radial_slits_are_the_mean_over_all_directions() {
     assert!(worst < 0.05 * most, "{worst} {most}");
 }
 
-/// A photograph's bright stripes diffract, what is between them does not; a threshold that is said moves the edge.
+/// Bright stripes of a photograph diffract, the gaps between them do not; an explicit threshold moves the edge.
 #[test]
 fn a_photograph_is_its_own_mask() {
     let dir = tempfile::tempdir().unwrap();
@@ -60,7 +60,7 @@ fn a_photograph_is_its_own_mask() {
         let picture = picture(&text, dir.path(), &settings(16, 1e-3));
         (0..16).map(|x| picture.pixels[8 * 16 + x].luminance).collect::<Vec<f64>>()
     };
-    // The plane fills the middle of the picture: 87.5 mm are seen of 100.
+    // The plane fills the centre of the picture: 87.5 mm of 100 are visible.
     let found = pixels("{ photograph = \"flash.png\" }");
     assert!(found[1] > 0.05 && found[5] > 0.05 && found[12] == 0.0, "{found:?}");
     let narrow = pixels("{ photograph = \"flash.png\", threshold = 0.6 }");

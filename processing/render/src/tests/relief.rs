@@ -1,4 +1,4 @@
-//! Height fields under an environment, against sums over all directions.
+//! Tests of height fields under an environment, against sums over all directions.
 
 use super::*;
 use crate::light::viewer::RANGE;
@@ -8,7 +8,7 @@ use nacre_brdf::height::{Scale, read};
 use nacre_brdf::{Densities, Workspace};
 use std::f64::consts::PI;
 
-/// Tabled densities of a field 0.26 µm deep are its densities.
+/// Tabulated densities of a field 0.26 µm deep match the exact ones.
 #[test]
 fn tabled_densities_are_densities() {
     let dir = tempfile::tempdir().unwrap();
@@ -31,8 +31,8 @@ fn tabled_densities_are_densities() {
     assert!(off < 0.005 * sum, "{off} {sum}");
 }
 
-/// Light of a sky with a lamp that a field without loss sends towards a view: by 90 × 180 directions at 40 wave numbers, from the densities and
-/// Stam's equation alone.
+/// Light of a sky with a lamp reflected by a lossless field towards a view. The sum covers 90 × 180 directions at 40
+/// wave numbers, directly from the densities and Stam's equation.
 fn summed(ready: &PreparedScene, densities: &Densities, view: [f64; 3]) -> f64 {
     let (n, numbers) = (90, 40);
     let sky = &ready.skies[0];
@@ -66,7 +66,7 @@ fn sampled_light_equals_the_sum_over_all_directions() {
     heights(dir.path());
     flat::sky(dir.path());
     let field = read(&dir.path().join("heights.exr"), &Scale::default()).unwrap();
-    // Under environments, of half the patch.
+    // Under environments, with a coherence of half the patch.
     let densities = Densities::new(&field, 0.5 * 64.0 * 0.09, 1e-3, 1e7, &Silent).unwrap();
     for angle in [20.0_f64, 65.0] {
         let more = "[material.a.diffraction]\ntype = \"heightfield\"\nfile = \"heights.exr\"\nlossless = true\n\
@@ -78,13 +78,14 @@ fn sampled_light_equals_the_sum_over_all_directions() {
         let (picture, report) = render(&scene, dir.path(), &settings(4096, 0.004), &Silent).unwrap();
         let found = picture.pixels.iter().map(|p| p.luminance).sum::<f64>() / 16.0;
         println!("{angle}°: {found} {truth}, noise {} of {} samples", report.noise, report.samples);
-        // The mean of 16 pixels has a quarter of their noise, 0.1 %; the sum itself, the table and the albedo are off by some tenths of a per cent.
+        // The mean of 16 pixels has a quarter of their noise, 0.1 %; the errors of the sum itself, the table and the
+        // albedo are some tenths of a per cent.
         assert!((found / truth - 1.0).abs() < 0.015, "{angle}: {found} {truth}");
         assert!(matches!(ready.materials[0].diffraction, Some(Diffraction::Relief(_))));
     }
 }
 
-/// A finer reading of a scene that shares the coarse table would report no error at all.
+/// If a finer preparation of the scene shared the coarse table, the reported error would be zero.
 #[test]
 fn the_error_of_the_density_table_is_reported() {
     let dir = tempfile::tempdir().unwrap();
@@ -96,6 +97,6 @@ fn the_error_of_the_density_table_is_reported() {
     let asked = Settings { check: true, ..settings(16, 0.05) };
     let (_, report) = render(&scene, dir.path(), &asked, &Silent).unwrap();
     let measured = report.measured_model_error.unwrap();
-    // A quarter of the error asked for is the model's.
+    // A quarter of the target error is available for truncation.
     assert!(measured > 1e-5 && measured < 0.0125 && report.predicted_model_error > 1e-5, "{report:?}");
 }

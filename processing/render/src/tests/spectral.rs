@@ -1,4 +1,4 @@
-//! Spectra per pixel against colours, closed forms, and requests that make no sense.
+//! Tests of spectra per pixel against colours and closed forms, and of invalid requests.
 
 use super::*;
 use nacre_image::read_exr;
@@ -42,22 +42,23 @@ fn spectra_add_up_to_the_colours() {
     let sky = "[[light]]\ntype = \"environment\"\ncolor = [0.9, 1, 0.6]\n";
     let disc = "[material.a.diffraction]\ntype = \"multislit\"\ndisc = true\n";
     let lattice = top("type = \"lattice\"\nperiod_um = [60, 80]\naperture_um = [20, 60]");
-    // Material, light, samples of each pixel, and the largest difference of a pixel over the brightest of all.
+    // Material, light, samples per pixel, and the largest difference of a pixel relative to the brightest one.
     let cases = [
         (GRATING, LAMP, 16, 0.01),
-        // Products of colours and of spectra agree under white.
+        // Products of colours and of spectra agree under white light.
         ("[material.a.base]\nalbedo = [0.1, 0.4, 0.3]\n", &LAMP.replace("\"A\"", "\"D65\""), 16, 0.01),
         (disc, LAMP, 16, 0.01),
         (&lattice, &LAMP.replace("sigma_mm = 4", "sigma_mm = 0.3"), 4, 0.01),
         (&field, LAMP, 4, 0.01),
         (GRATING, sky, 64, 0.01),
         ("[material.a.base]\nalbedo = [0.5, 0.5, 0.5]\n", sky, 16, 0.01),
-        // Directions are drawn by chance, others for each three bands: pixels scatter, and of 64 samples 0.1 to 1.5 % was left of the mean.
+        // Directions are sampled independently for each group of three bands: pixels are noisy, and 64 samples left an
+        // error of 0.1 to 1.5 % of the mean.
         (&field, sky, 32, 1.0),
     ];
     for (material, light, samples, allowed) in cases {
-        // Bands of h nm see colours through curves smoothed by a triangle, which are off by h²/12 of their curvature: of a single lobe, half a per
-        // cent at 4 nm. Where pixels scatter anyway, fewer bands.
+        // Bands of h nm see colours through colour matching functions smoothed by a triangle, an error of h²/12 times
+        // their curvature. For a single lobe it is 0.5 % at 4 nm. Where pixels are noisy anyway, fewer bands suffice.
         let step = if allowed < 1.0 { 4.0 } else { 10.0 };
         let picture = picture(&stage(material, light), dir.path(), &spectral(step, samples));
         assert_eq!(picture.bands.len() as f64, 400.0 / step + 1.0);
@@ -91,7 +92,7 @@ fn a_lines_light_is_in_its_bands() {
 
 #[test]
 fn an_order_has_the_wavelength_of_the_grating_equation() {
-    // Seen along the normal, the first order of 1.5 µm under light from sin θ = 0.36 is that of 540 nm.
+    // Along the normal, the first order of 1.5 µm under light from sin θ = 0.36 is at 540 nm.
     let text = "[camera]\nposition = [0, 0, 1e4]\ntarget = [0, 0, 0]\nfov_deg = 0.01\nwidth = 1\nheight = 1\n[[shape]]\ntype = \"plane\"\n\
                 size = [1e3, 1e3]\nmaterial = \"a\"\n[[light]]\ntype = \"directional\"\ndirection = [0.36, 0, 0.932952303175]\nspectrum = \"E\"\n\
                 [material.a.diffraction]\ntype = \"grating\"\nperiod_um = 1.5\norientation_deg = 0\nrelief = { depth_um = 0.1 }\ncoherence_um = 60\n";
@@ -115,7 +116,7 @@ fn files_hold_spectra_as_others_read_them() {
     for band in &picture.bands {
         assert_eq!(map.take(&format!("S0.{},000000nm", band.nm), &path).unwrap(), band.radiance);
     }
-    // And as a picture in colours.
+    // It is also a valid colour picture.
     assert_eq!(read_picture(&path).unwrap().width, 12);
 }
 

@@ -1,4 +1,4 @@
-//! Tables under environments by two passes, against plain sums over light and against samples.
+//! Tests of two passes for lookup tables under environments, against direct sums over light and against samples.
 
 use super::flat::sky;
 use super::*;
@@ -9,7 +9,7 @@ use nacre_base::operation::perform;
 use nacre_optics::color::xyz_of_linear_srgb;
 use std::f64::consts::PI;
 
-/// A scene with one shape of a table under a sky that is not seen itself.
+/// A scene with one shape with a table under an invisible sky.
 fn scene(shape: &str, side: usize, more: &str) -> String {
     format!(
         "[camera]\nposition = [-60, 90, 600]\ntarget = [0, 0, 0]\nfov_deg = 10\nwidth = {side}\nheight = {side}\n[[shape]]\n{shape}\n\
@@ -25,7 +25,7 @@ const SPHERE: &str = "type = \"sphere\"\ncenter = [0, 0, 0]\nradius = 45\naxis =
 const CYLINDER: &str = "type = \"cylinder\"\ncenter = [0, 0, -300]\naxis = [0, 1, 0]\nstart = [0, 0, 1]\nradius = 300\nlength = 90\narc_deg = [-10, 10]";
 const BOWL: &str = "type = \"mesh\"\nfile = \"bowl.obj\"";
 
-/// A shallow bowl of triangles, bent along both sides, with texture coordinates.
+/// A shallow bowl of triangles, curved in both directions, with texture coordinates.
 fn bowl(folder: &Path) {
     let n = 24;
     let mut text = String::new();
@@ -56,7 +56,8 @@ fn prepared(text: &str, folder: &Path) -> PreparedScene {
     PreparedScene::new(&Scene::parse(text).unwrap(), folder, Accuracy::new(1e-3, None), &Silent).unwrap()
 }
 
-/// Luminance that a place reflects of the sky by a plain sum over all directions: `f cos θ` is `S (1 + ωi·ωo)²/cos θo`, scaled as the table is.
+/// Luminance of the sky reflected by a point, by a direct sum over all directions: `f cos θ` is
+/// `S (1 + ωi·ωo)²/cos θo`, scaled as the table is.
 fn plainly(ready: &PreparedScene, (frame, towards): &Seen) -> f64 {
     let Some(Diffraction::Table(table)) = &ready.materials[0].diffraction else { panic!("no table") };
     let view = frame.map(|f| f.dot(towards));
@@ -80,8 +81,8 @@ fn plainly(ready: &PreparedScene, (frame, towards): &Seen) -> f64 {
     f64::from(xyz_of_linear_srgb(rgb)[1])
 }
 
-/// Root mean square of the differences between two passes and the plain sum over some places of a shape, over their mean, and the environments
-/// that were filtered.
+/// Root mean square difference between two passes and the direct sum at some points of a shape, relative to their mean,
+/// and the number of filtered environments.
 fn off(ready: &PreparedScene, fineness: Fineness) -> (f64, usize) {
     let Some(Diffraction::Table(table)) = &ready.materials[0].diffraction else { panic!("no table") };
     let curves = Curves::of(table, None, 0.005).unwrap();
@@ -102,7 +103,7 @@ fn off(ready: &PreparedScene, fineness: Fineness) -> (f64, usize) {
     ((square * places).sqrt() / mean, count)
 }
 
-/// From the front, from behind (where frames are left-handed), and turned about z.
+/// From the front, from behind (where frames are left-handed), and rotated about z.
 #[test]
 fn filtered_skies_approach_plain_sums_on_every_shape() {
     let dir = files();
@@ -115,7 +116,7 @@ fn filtered_skies_approach_plain_sums_on_every_shape() {
             let ready = prepared(&text, dir.path());
             let (rough, few) = off(&ready, coarse);
             if name == "sphere" {
-                // All views up to the horizon: already the coarse ones are a thousand environments.
+                // All views up to the horizon: even the coarsest tilts need a thousand environments.
                 println!("{name} {turn}: {rough} by {few}");
                 assert!(rough < 0.1, "{name} {turn}: {rough}");
                 continue;
@@ -133,7 +134,7 @@ fn difference(a: &Picture, b: &Picture) -> f64 {
     (square * b.pixels.len() as f64).sqrt() / mean
 }
 
-/// The error that is measured is that of the picture, at ranks that leave much out, little and next to nothing.
+/// The measured error matches that of the picture, at ranks with large, small and negligible residuals.
 #[test]
 fn two_passes_are_as_far_off_as_they_say() {
     let dir = files();
@@ -149,18 +150,19 @@ fn two_passes_are_as_far_off_as_they_say() {
         let (found, noise) = (difference(&picture, &truth), report.noise.hypot(other.noise));
         println!("rank {rank}: {found}, noise {noise}, {about:?}");
         assert_eq!((about.method, &about.rank[..]), ("two-pass", &[rank][..]));
-        // The measured error contains two standard deviations of the measurement, from 256 places.
+        // The measured error includes two standard deviations of the measurement, from 256 points.
         assert!(found < 1.1 * about.measured_error.hypot(noise), "{rank}: {found} {about:?}");
         assert!(found > 0.5 * about.measured_error, "{rank}: {found} {about:?}");
         assert!(report.predicted_model_error == about.measured_error && about.measured_error <= 1.3 * before);
-        // Cheaper curves are filtered more finely.
+        // Curves of lower rank are cheaper, so their environments are filtered at a higher resolution.
         let missed = report.warnings.iter().any(|w| w.starts_with("two passes are off"));
         assert_eq!(missed, about.measured_error > 0.02, "{report:?}");
         before = about.measured_error;
     }
 }
 
-/// On a bent sheet there is no correlation: two passes are taken, meet the error, and need a small part of the samples.
+/// A curved sheet has no correlation method: two passes are selected, meet the target error, and need a small fraction
+/// of the samples.
 #[test]
 fn two_passes_are_chosen_where_they_are_cheaper() {
     let dir = files();
@@ -175,14 +177,15 @@ fn two_passes_are_chosen_where_they_are_cheaper() {
     assert_eq!(about.method, "two-pass");
     assert!(about.measured_error < 0.03 && report.noise.hypot(about.measured_error) <= 0.03 * 1.01, "{report:?}");
     assert!(found < 0.03_f64.hypot(other.noise), "{found}");
-    // Where samples are as cheap, they are taken.
+    // Where samples are as cheap, they are selected.
     let few = Settings { max_error: 1.0, samples: 16, ..Settings::default() };
     let small = Scene::parse(&scene(CYLINDER, 16, "")).unwrap();
     let (_, report) = render(&small, dir.path(), &few, &Silent).unwrap();
     assert!(report.environments.iter().all(|e| e.method == "samples"), "{:?}", report.environments);
 }
 
-/// Curves of a folder make the picture that the program's own make, and what is no folder of this table is refused by the file's name.
+/// Curves from a folder give the same picture as internally computed ones. Other folders are refused, with the file's
+/// name.
 #[test]
 fn curves_of_a_folder_are_those_of_the_table() {
     let dir = files();
@@ -198,11 +201,11 @@ fn curves_of_a_folder_are_those_of_the_table() {
     let [(own, first), (read, second)] = ["", named].map(|more| picture(more, &asked).unwrap());
     let found = difference(&read, &own);
     println!("{found}: {:?} {:?}", first.environments, second.environments);
-    // Curves hold half vectors up to a length of 1, the table longer ones, too: both errors are measured.
+    // Curves contain half vectors up to a length of 1, the table also longer ones: both errors are measured.
     let measured = [&first, &second].map(|report| report.environments[0].measured_error);
     assert!(found < 1.1 * measured[0].hypot(measured[1]), "{found} {measured:?}");
     assert!((first.environments[0].table_error - second.environments[0].table_error).abs() < 1e-3);
-    // Fewer of them are more off.
+    // Fewer terms have a larger error.
     let (_, fewer) = picture(named, &Settings { rank: Some(1), ..asked.clone() }).unwrap();
     assert!(
         fewer.environments[0].rank == [1] && fewer.environments[0].table_error > second.environments[0].table_error

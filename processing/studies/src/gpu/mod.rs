@@ -1,4 +1,4 @@
-//! Studies of rendering on a graphics card, against the processor and against what the card can do.
+//! Studies of rendering on a graphics card: agreement with the processor, and speed relative to the card's limits.
 
 mod scenes;
 mod speed;
@@ -14,31 +14,31 @@ use std::sync::{LazyLock, Mutex, PoisonError};
 const SAMPLES: [usize; 5] = [4, 8, 16, 32, 64];
 const ERRORS: [f64; 6] = [0.3, 0.1, 0.03, 0.01, 0.003, 0.001];
 
-/// Samples where the errors of sums vary; all settings have the same ones.
+/// Number of samples in the study of the truncation error; the same for all settings.
 const FEW: usize = 8;
 
-/// Error of sums where the samples vary: what `nacre render` takes by default.
+/// Truncation error of sums in the study of the number of samples: the default of `nacre render`.
 const DEFAULT: f64 = 0.0025;
 
-/// Error of sums that stands for none.
+/// Truncation error of the reference, negligible against the studied ones.
 const EXACT: f64 = 1e-4;
 
-/// The card, if there is one; asked for once.
+/// Name of the graphics card, if there is one; queried once.
 static ADAPTER: LazyLock<Option<String>> = LazyLock::new(|| gpu::adapter().ok());
 
-/// What is varied.
+/// The varied parameter.
 #[derive(Clone, Copy, PartialEq)]
 enum Knob {
     Samples,
     Errors,
 }
 
-/// Number of samples, and error of sums over orders and wavelengths.
+/// Studies of the number of samples, and of the truncation error of sums over orders and wavelengths.
 pub fn studies(effort: Effort) -> Vec<Study> {
     vec![study(Knob::Samples, effort), study(Knob::Errors, effort)]
 }
 
-/// Frames per second, and how near to the card's best they are.
+/// Picture of the frame rate relative to the card's limits.
 pub fn pictures() -> Vec<Picture> {
     vec![Picture {
         name: "gpu-speed",
@@ -108,14 +108,14 @@ fn study(knob: Knob, effort: Effort) -> Study {
     }
 }
 
-/// Pictures that others are compared with, by scene, seed and whether they are the card's.
+/// Reference pictures by scene, seed and device (`true` for the card).
 type Known = BTreeMap<(usize, u64, bool), Vec<[f32; 3]>>;
 
 /// Pictures of one study.
 struct Bench {
     side: usize,
     knob: Knob,
-    /// Samples of the picture that others are compared with.
+    /// Samples per pixel of the reference picture.
     truth: usize,
     known: Mutex<Known>,
     card: Mutex<gpu::Kept>,
@@ -148,7 +148,7 @@ impl Bench {
     }
 }
 
-/// Something that is made for charts went wrong.
+/// Error for an internal file that could not be created or read.
 fn broken(what: &str, why: impl std::fmt::Display) -> Error {
     Error::input(what, why, "report this")
 }
@@ -157,7 +157,7 @@ fn broken(what: &str, why: impl std::fmt::Display) -> Error {
 mod tests {
     use super::*;
 
-    /// More samples are nearer to the truth, and sums that are asked for more exactly are nearer to exact ones.
+    /// More samples reduce the difference to the reference, and a smaller truncation error approaches the exact sums.
     #[test]
     fn knobs_do_what_they_say() {
         for (study, last) in studies(Effort::Quick).iter().zip([SAMPLES.len() - 1, ERRORS.len() - 1]) {

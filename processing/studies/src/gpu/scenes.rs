@@ -1,4 +1,4 @@
-//! Flat samples under a light, or under a sky, and the files they name.
+//! Flat samples under a light or a sky, and the files of their scenes.
 
 use super::broken;
 use nacre_base::Result;
@@ -8,13 +8,13 @@ use nacre_render::Scene;
 use std::f64::consts::PI;
 use tempfile::TempDir;
 
-/// A material, the direction and period of its grating, and whether it is seen under a sky.
+/// A material: direction and period of its grating, and whether it is lit by a sky.
 pub(super) struct Material {
     pub name: &'static str,
     diffraction: &'static str,
     groove: [f64; 2],
     sky: bool,
-    /// How many times as many samples the truth takes as elsewhere.
+    /// Factor on the reference's number of samples.
     pub noise: usize,
 }
 
@@ -31,13 +31,14 @@ pub(super) const MATERIALS: [Material; 5] = [
     Material { name: "table under a sky", diffraction: TABLE, groove: [0.0, 2.0], sky: true, noise: 32 },
 ];
 
-/// What scenes name.
+/// Files that the scenes refer to.
 pub(super) struct Files {
     pub folder: TempDir,
 }
 
 impl Files {
-    /// Maps of squares with masked ones, `side` pixels wide; a table of blurred orders; and a sky with a lamp.
+    /// Writes the files: maps of squares with masked ones, `side` pixels wide; a lookup table of blurred orders; and a
+    /// sky with a lamp.
     pub(super) fn written(side: usize) -> Result<Self> {
         let folder = tempfile::tempdir().map_err(|e| broken("temporary folder", e))?;
         let path = |name: &str| folder.path().join(name);
@@ -79,7 +80,8 @@ impl Files {
     }
 }
 
-/// A sample of a material that faces the camera, turned by a few degrees by chance, under a light such that a first order of a visible colour is seen.
+/// A sample that faces the camera, rotated by a few random degrees. The light is placed so that a first order of a
+/// visible colour is seen.
 pub(super) fn scene(material: &Material, [width, height]: [usize; 2], seed: u64) -> String {
     let mut random = Stream::of(seed);
     let [angle, period] = material.groove;
@@ -100,7 +102,7 @@ pub(super) fn scene(material: &Material, [width, height]: [usize; 2], seed: u64)
     )
 }
 
-/// The scene of a text.
+/// Parses a scene.
 pub(super) fn parsed(text: &str) -> Result<Scene> {
     toml::from_str(text).map_err(|e| broken("scene", e))
 }

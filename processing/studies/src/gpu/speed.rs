@@ -1,4 +1,4 @@
-//! Frames per second, and the parts of a card's best that are reached.
+//! Frames per second, and fractions of the card's measured limits.
 
 use super::scenes::{Files, MATERIALS, parsed, scene};
 use super::{DEFAULT, Drawn, broken};
@@ -12,13 +12,13 @@ use serde::Serialize;
 const FRAME_SIZE: [usize; 2] = [1920, 1080];
 const MAPS: usize = 2048;
 
-/// Left ends of the columns.
+/// Left edges of the columns.
 const COLUMNS: [f64; 6] = [28.0, 220.0, 370.0, 540.0, 690.0, 920.0];
 const WIDTH: f64 = 1150.0;
 const BAR: f64 = 120.0;
 const ROW: f64 = 40.0;
 
-/// All that was measured.
+/// All measured values.
 #[derive(Serialize)]
 struct Numbers {
     rates: Rates,
@@ -32,7 +32,7 @@ struct Named {
     frames: Frames,
 }
 
-/// Measures and draws.
+/// Measures the frame rates and draws the table.
 pub(super) fn draw(title: &str) -> Result<Drawn> {
     let files = Files::written(MAPS)?;
     let rates = rates()?;
@@ -48,7 +48,7 @@ pub(super) fn draw(title: &str) -> Result<Drawn> {
     Ok(Drawn { svg, measured, numbers: Some(numbers) })
 }
 
-/// Where there is no card.
+/// Placeholder for computers without a graphics card.
 pub(super) fn nothing(title: &str) -> Drawn {
     let mut svg = Svg::new(WIDTH, 100.0);
     svg.text([COLUMNS[0], 34.0], title, 20.0, Anchor::Start, "font-weight=\"bold\"");

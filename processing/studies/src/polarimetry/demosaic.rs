@@ -1,4 +1,4 @@
-//! Maps of a polarization sensor: super-pixels against interpolated images.
+//! Studies of polarization sensors: super-pixels against interpolated images.
 
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
 use nacre_base::Result;
@@ -16,27 +16,28 @@ const METHODS: [(Demosaic, &str); 3] = [
     (Demosaic::EdgeAware, "edge-aware (Li et al. 2019)"),
 ];
 
-/// Cycles per pixel of the sensor. Each polarizer has every second pixel, so that 0.25 is the highest frequency that it samples.
+/// Spatial frequencies in cycles per sensor pixel. Each polarizer covers every second pixel, so its Nyquist frequency
+/// is 0.25.
 const FREQUENCIES: [f64; 9] = [0.005, 0.01, 0.02, 0.04, 0.07, 0.12, 0.18, 0.25, 0.35];
 const REFERENCE: usize = 3;
 
 /// Degree of polarization of the scenes.
 const DEGREE: f64 = 0.3;
 
-/// A camera of 10,000 electrons at white and 3 of read noise.
+/// A camera with 10,000 electrons at white and 3 electrons of read noise.
 const CAMERA: FrameNoise = FrameNoise { shot: 1e-4, floor: 9e-8 };
 
-/// Analyser angles of a block in degrees, row by row.
+/// Analyser angles of a 2 × 2 block in degrees, row by row.
 const LAYOUT: [f64; 4] = [90.0, 45.0, 135.0, 0.0];
 
-/// How light varies over a scene.
+/// Variation of the light over a scene.
 #[derive(Clone, Copy)]
 enum Kind {
     Waves,
     Edges,
 }
 
-/// Methods against the scene's frequency, for waves and for edges.
+/// Methods against the spatial frequency of the scene, for waves and for edges.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     [
         (Kind::Waves, "demosaic", "smooth scenes", "waves of the intensity"),
@@ -81,7 +82,7 @@ fn study(kind: Kind, name: &'static str, title: &str, light: &str, effort: Effor
     }
 }
 
-/// Light and angle of polarization (rad) at a point of the sensor, in pixels.
+/// Intensity and angle of polarization (rad) at a point of the sensor, in pixels.
 fn light(kind: Kind, frequency: f64, seed: u64, [x, y]: [f64; 2]) -> [f64; 2] {
     let phase = |n: u64| TAU * normal(seed, n);
     let (sin, cos) = 20f64.to_radians().sin_cos();
@@ -96,7 +97,7 @@ fn run(kind: Kind, method: Demosaic, frequency: f64, side: usize, seed: u64) -> 
     let point = |i: usize, [dx, dy]: [f64; 2]| light(kind, frequency, seed, [at(i)[0] + dx, at(i)[1] + dy]);
     let pixel = |i: usize| {
         let psi = LAYOUT[i % side % 2 + 2 * (i / side % 2)].to_radians();
-        // A pixel gathers light over its area.
+        // A pixel integrates light over its area.
         let places = (0..16).map(|k| [(k % 4) as f64, (k / 4) as f64].map(|v| (v - 1.5) / 4.0));
         let behind = |[light, turn]: [f64; 2]| 0.5 * light * (1.0 + DEGREE * (2.0 * (psi - turn)).cos());
         let seen = places.map(|place| behind(point(i, place))).sum::<f64>() / 16.0;
@@ -124,7 +125,7 @@ fn run(kind: Kind, method: Demosaic, frequency: f64, side: usize, seed: u64) -> 
         let (angle, sigma) = (f64::from(found.orientation[k]), f64::from(found.sigma[k]));
         if angle.is_finite() {
             let error = angle_difference(angle, point(i, [0.0; 2])[1]).abs();
-            // The mean of |error| of a normal distribution.
+            // Mean |error| of a normal distribution.
             predicted += sigma * (2.0 / std::f64::consts::PI).sqrt();
             sum += error;
             answered += 1;

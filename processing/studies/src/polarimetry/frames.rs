@@ -1,4 +1,4 @@
-//! How many analyser angles.
+//! Study of the number of analyser angles.
 
 use super::scene::{Method, fitted, judge, mean_of_normal, orientation_error, sinusoid, time};
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
@@ -11,7 +11,7 @@ const FRAMES: [usize; 9] = [3, 4, 5, 6, 8, 12, 16, 20, 24];
 const ELECTRONS: [f64; 6] = [300.0, 1000.0, 3000.0, 10_000.0, 40_000.0, 160_000.0];
 const REFERENCE: usize = 4;
 
-/// 3 to 24 angles, against σ(I) / (√(2N) B).
+/// Study of 3 to 24 angles, against the theoretical error σ(I) / (√(2N) B).
 pub(super) fn study(effort: Effort) -> Study {
     let setting = |n: &usize| {
         let setting = Setting::new("sinusoid", format!("{n} frames"), *n as f64);
@@ -54,7 +54,8 @@ fn run(method: &Method, frames: usize, electrons: f64, pixels: usize, seed: u64)
     let mut maps = fitted(&photographs);
     let map = (method.solve)(&mut maps, &photographs)?;
     let seconds = begun.elapsed().as_secs_f64() / pixels as f64 * 1e6;
-    // Without a film all pixels have one mean and one amplitude: take them from the light, not from the fit.
+    // Without a film all pixels share one mean and one amplitude, so the prediction uses the true values instead of the
+    // fit.
     let (mean, amplitude) = photographs.light;
     let per_photograph = photographs.noise[0].shot * mean + photographs.noise[0].floor;
     let sigma = per_photograph.sqrt() / ((2.0 * frames as f64).sqrt() * amplitude);

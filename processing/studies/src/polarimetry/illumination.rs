@@ -1,4 +1,4 @@
-//! Circular against linear light, behind a film that nobody knows of.
+//! Study of circular against linear illumination, behind an unknown film.
 
 use super::scene::{PROMISED, fitted, judge, orientation_error, pixels, ratio, time};
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
@@ -14,7 +14,7 @@ const RETARDANCES: [f64; 10] = [0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 2
 const LINEAR: [f64; 5] = [0.0, 20.0, 45.0, 65.0, 90.0];
 const REFERENCE: usize = 5;
 
-/// The same estimator for both: the point of the film-free curve that is nearest to (S1/S0, S2/S0).
+/// Both use the same estimator: the point of the film-free curve closest to (S1/S0, S2/S0).
 pub(super) fn study(effort: Effort) -> Study {
     let mut settings = vec![Setting::new("circular", "circular", 0.0).as_default()];
     settings.extend(LINEAR.map(|a| Setting::new(&format!("linear, {a}°"), format!("linear, {a}°"), a)));
@@ -56,10 +56,10 @@ fn run(source: Source, film_deg: f64, pixels: usize, seed: u64) -> Result<Outcom
     Ok(judge(&map.orientation, &map.sigma, &photographs.truth, seconds))
 }
 
-/// (S1/S0, S2/S0) of all orientations.
+/// Curve of (S1/S0, S2/S0) over all orientations.
 struct Curve {
     points: Vec<[f64; 2]>,
-    /// How fast the point moves per rad of orientation.
+    /// Arc length per rad of orientation.
     speeds: Vec<f64>,
 }
 
@@ -82,7 +82,7 @@ impl Curve {
     }
 }
 
-/// Largest σ that is not masked, in rad: that of the sinusoid model.
+/// Largest unmasked σ in rad: the limit of the sinusoid model.
 const MASKED: f64 = 0.125;
 
 fn nearest(maps: &StokesMaps, photographs: &Photographs, curve: &Curve) -> OrientationMaps {

@@ -1,4 +1,4 @@
-//! Intensity over the analyser's and the grating's angle (2018 paper, Fig. 14 and 15).
+//! Intensity over the analyser angle and the grating angle (2018 paper, Fig. 14 and 15).
 
 use super::scene::ratio;
 use crate::{Drawn, Picture};
@@ -9,7 +9,7 @@ use nacre_plot::svg::{Anchor, Area, Axes, Ruler, Svg, fill};
 use nacre_polarimetry::synthetic::{Source, Synthetic};
 use std::f64::consts::PI;
 
-/// r, ζ, Δn in degrees, and the light.
+/// r, ζ and Δn in degrees, and the light.
 const CASES: [(f64, f64, f64, Source); 8] = [
     (1.1, 45.0, 0.0, Source::Circular),
     (1.2, 150.0, 10.0, Source::Circular),
@@ -25,7 +25,7 @@ const CASES: [(f64, f64, f64, Source); 8] = [
 const STEPS: usize = 90;
 const SIDE: f64 = 200.0;
 
-/// The maps, each as photographed and with the mean over the orientations taken out first.
+/// The maps, each as photographed and after subtraction of the mean over the orientations.
 pub(super) fn picture() -> Picture {
     Picture {
         name: "maps",
@@ -55,7 +55,7 @@ fn draw() -> Result<Drawn> {
     Ok(Drawn::from(svg.finish(picture().title)))
 }
 
-/// What colours, dots and lines mean.
+/// Legend of colours, dots and lines.
 pub(super) fn signs(svg: &mut Svg) {
     svg.text([28.0, 60.0], "Normalised intensity, dark to bright:", 12.5, Anchor::Start, &fill(SOFT));
     for k in 0..60 {
@@ -75,14 +75,14 @@ fn title(&(r, zeta, film, source): &(f64, f64, f64, Source), row: usize) -> [Str
     [first, if row == 0 { "as photographed".into() } else { "mean over orientations removed".into() }]
 }
 
-/// Rows are orientations, columns analyser angles.
+/// Intensities: rows are orientations, columns analyser angles.
 fn intensities(&(r, zeta, film, source): &(f64, f64, f64, Source)) -> Vec<Vec<f64>> {
     let scene = Synthetic { ratio: ratio(r, zeta), retardance: film.to_radians(), source, ..Synthetic::default() };
     let angle = |k: usize| PI * k as f64 / STEPS as f64;
     (0..STEPS).map(|t| (0..STEPS).map(|p| scene.intensity(angle(t), angle(p))).collect()).collect()
 }
 
-/// Each row from -1 to 1.
+/// Each row scaled to the range -1 to 1.
 pub(super) fn normalised(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let row = |row: &Vec<f64>| {
         let (low, high) = row.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
@@ -92,7 +92,7 @@ pub(super) fn normalised(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     rows.iter().map(row).collect()
 }
 
-/// Every column is a photograph of all orientations: less its mean (the paper's pre-normalisation).
+/// Subtracts the mean of each column, a photograph of all orientations (the paper's pre-normalisation).
 pub(super) fn without_mean(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mean: Vec<f64> = (0..STEPS).map(|p| rows.iter().map(|r| r[p]).sum::<f64>() / STEPS as f64).collect();
     rows.iter().map(|row| row.iter().zip(&mean).map(|(v, m)| v - m).collect()).collect()
@@ -103,7 +103,7 @@ pub(super) fn panel(svg: &mut Svg, area: Area, rows: &[Vec<f64>], title: &[Strin
     let y = Ruler::exact(0.0, 180.0, area.y + area.h, area.y);
     let axes = Axes { area, x, y, names: &[], x_title: "analyser ψ (°)", y_title: "grating θ (°)", percent: false };
     axes.draw(svg);
-    // Row 0 of the picture is on top: the largest angle.
+    // Row 0 of the picture is at the top and shows the largest angle.
     let bright = |v: &f64| viridis((0.5 + 0.5 * v) as f32);
     let rgb: Vec<u8> = rows.iter().rev().flatten().flat_map(bright).collect();
     let png = encode_png8(STEPS, STEPS, 3, &rgb).map_err(|e| Error::input("map", e, "report this"))?;

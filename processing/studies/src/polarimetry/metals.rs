@@ -1,4 +1,4 @@
-//! The 2018 paper's metals under cellophane (Fig. 14 and 15, and its supplement), by Maxwell's equations.
+//! The 2018 paper's metals under cellophane (Fig. 14 and 15, and its supplement), by rigorous diffraction.
 
 use super::maps::{normalised, panel, signs, without_mean};
 use crate::{Drawn, Picture};
@@ -11,19 +11,19 @@ use nacre_polarimetry::{Design, Fit};
 use num_complex::Complex;
 use std::f64::consts::PI;
 
-/// Light in nm and refractive index of cellophane, as the paper has them.
+/// Wavelength in nm and refractive index of cellophane, as in the paper.
 const NM: f64 = 560.0;
 const CELLOPHANE: f64 = 1.468;
 
-/// 600 lines per mm of 0.1 µm; the paper gives no depth.
+/// Grating of 600 lines per mm and 0.1 µm depth; the paper gives no depth.
 const PERIOD_UM: f64 = 1.66;
 const DEPTH_UM: f64 = 0.1;
 
-/// Error of R.
+/// Target error of R.
 const EXACT: f64 = 1e-4;
 
-/// Refractive indices at 560 nm, interpolated: aluminium as in the paper; silver, gold and copper of Johnson and Christy 1972, iron of theirs 1974, brass (70 % copper) of
-/// Querry 1985, platinum of Rakić et al. 1998.
+/// Refractive indices at 560 nm, interpolated. Aluminium: the paper. Silver, gold and copper: Johnson and Christy 1972.
+/// Iron: Johnson and Christy 1974. Brass (70 % copper): Querry 1985. Platinum: Rakić et al. 1998.
 const METALS: [(&str, Complex<f64>); 7] = [
     ("aluminium", ALUMINIUM),
     ("silver", Complex::new(0.057, 3.678)),
@@ -34,7 +34,7 @@ const METALS: [(&str, Complex<f64>); 7] = [
     ("platinum", Complex::new(2.116, 3.760)),
 ];
 
-/// Film in degrees: the paper's bound.
+/// Retardance of the film in degrees: the paper's bound.
 const FILM_DEG: f64 = 10.0;
 
 /// Steps over 180° of both angles.
@@ -83,13 +83,13 @@ fn draw() -> Result<Drawn> {
     Ok(Drawn::from(svg.finish(picture().title)))
 }
 
-/// Rows are orientations, columns analyser angles.
+/// Intensities: rows are orientations, columns analyser angles.
 fn intensities(scene: &Synthetic) -> Vec<Vec<f64>> {
     let angle = |k: usize| PI * k as f64 / STEPS as f64;
     (0..STEPS).map(|t| (0..STEPS).map(|p| scene.intensity(angle(t), angle(p))).collect()).collect()
 }
 
-/// Fig. 14a: intensities at twelve angles, and the sinusoid through them.
+/// Fig. 14a: intensities at twelve angles, and the sinusoid fitted to them.
 fn sinusoids(svg: &mut Svg, area: Area) -> Result<()> {
     let x = Ruler::exact(0.0, 180.0, area.x, area.x + area.w);
     let y = Ruler::exact(0.0, 3.5, area.y + area.h, area.y);
@@ -132,7 +132,8 @@ fn sinusoids(svg: &mut Svg, area: Area) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// Specular light of every metal is told apart by little (r near 1), and all are drawn; without a film the sinusoid is exact.
+    /// The specular modulation of every metal is weak (r near 1), and all metals are drawn. Without a film the sinusoid
+    /// is exact.
     #[test]
     fn every_metal_is_drawn() {
         for (name, below) in METALS {

@@ -1,5 +1,5 @@
-//! Studies of polarization imaging (2018 paper, section 5): how many frames, what precision, which model, and what breaks
-//! each of them. Scenes are synthetic series, so the truth is known.
+//! Studies of polarization imaging (2018 paper, section 5): number of frames, numerical precision, choice of the model,
+//! and stress tests of each. Scenes are synthetic series with known truth.
 
 mod demosaic;
 mod frames;

@@ -1,10 +1,10 @@
-//! Which model, on the scenes that tell them apart.
+//! Study of the polarization model, on scenes where the models differ.
 
 use super::scene::{PROMISED, methods, orientation_error, pixels, ratio, run, time_of_map};
 use crate::{Axis, Effort, Scene, Setting, Study};
 use nacre_polarimetry::synthetic::{Spread, Synthetic};
 
-/// r, ζ and Δn in degrees, and how many orientations are in view (0 for all).
+/// r, ζ and Δn in degrees, and the number of orientations in view (0 for all).
 const SCENES: [(f64, f64, f64, usize); 8] = [
     (1.1, 45.0, 0.0, 0),
     (1.001, 172.0, 3.0, 0),
@@ -17,7 +17,7 @@ const SCENES: [(f64, f64, f64, usize); 8] = [
 ];
 const REFERENCE: usize = 2;
 
-/// Every model on every scene.
+/// Study of every model on every scene.
 pub(super) fn study(effort: Effort) -> Study {
     let models = methods();
     let label = |(r, zeta, film, bands): &(f64, f64, f64, usize)| {

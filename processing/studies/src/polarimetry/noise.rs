@@ -1,4 +1,4 @@
-//! How many pixels the noise estimate looks at.
+//! Study of the number of pixels used for the noise estimate.
 
 use super::scene::fitted;
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
@@ -8,17 +8,17 @@ use nacre_polarimetry::synthetic::{Photographs, Synthetic, even_angles};
 use nacre_polarimetry::{NoiseModel, estimate_noise};
 use std::time::Instant;
 
-/// One pixel in so many.
+/// Subsampling factors of the pixels.
 const ONE_IN: [usize; 7] = [1, 4, 16, 64, 256, 1024, 4096];
 const ELECTRONS: [f64; 6] = [300.0, 1000.0, 3000.0, 10_000.0, 40_000.0, 160_000.0];
 const REFERENCE: usize = 4;
 
-/// The estimate from residuals, on a share of the pixels.
+/// Study of the noise estimate from residuals, on a subset of the pixels.
 pub(super) fn study(effort: Effort) -> Study {
     let settings = ONE_IN.map(|n| {
         let label = if n == 1 { "all pixels".to_owned() } else { format!("1 in {n}") };
         let setting = Setting::new("residuals", label, 1.0 / n as f64);
-        // The program looks at 200,000 pixels at most: all of this scene's.
+        // The program uses at most 200,000 pixels, so all pixels of this scene.
         if n == 1 { setting.as_default() } else { setting }
     });
     let settings = settings.into_iter().enumerate().map(|(i, s)| if i % 2 == 1 { s.without_sweep() } else { s });
@@ -55,7 +55,7 @@ fn run(one_in: usize, electrons: f64, pixels: usize, seed: u64) -> Result<Outcom
     let maps = fitted(&some);
     let found = estimate_noise(&maps, &some.design);
     let seconds = begun.elapsed().as_secs_f64();
-    // Below 64 pixels there is no estimate: the whole map is without σ.
+    // The noise estimate needs at least 64 pixels; without it the whole map has no σ.
     let Some(found) = found else {
         return Ok(Outcome { error: None, seconds, masked: 1.0, wrong: 0.0, predicted: None });
     };
@@ -69,7 +69,7 @@ fn run(one_in: usize, electrons: f64, pixels: usize, seed: u64) -> Result<Outcom
     Ok(Outcome { error: Some(error), seconds, masked: 0.0, wrong: 0.0, predicted: None })
 }
 
-/// Every `one_in`-th pixel.
+/// Keeps every `one_in`-th pixel.
 fn thinned(photographs: &Photographs, one_in: usize) -> Photographs {
     Photographs {
         frames: photographs.frames.iter().map(|f| f.iter().step_by(one_in).copied().collect()).collect(),

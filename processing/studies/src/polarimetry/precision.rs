@@ -1,4 +1,4 @@
-//! In what precision the sums of the fit are kept.
+//! Study of the numerical precision of the fit's sums.
 
 use super::scene::fitted;
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
@@ -13,12 +13,12 @@ const FRAMES: [usize; 5] = [5, 12, 24, 48, 192];
 const CONTRASTS: [f64; 9] = [1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.9];
 const REFERENCE: usize = 2;
 
-/// How the sums are kept.
+/// Number format and summation method.
 #[derive(Clone, Copy, PartialEq)]
 enum Sums {
-    /// The program's: f32, relative to the first photograph.
+    /// f32, relative to the first photograph: the method of the program.
     Pivot,
-    /// f32, of the values as they are.
+    /// f32 of the original values.
     Plain,
     /// f32 with Kahan's correction.
     Kahan,
@@ -33,7 +33,7 @@ const KINDS: [(Sums, &str); 4] = [
     (Sums::Double, "f64 sums"),
 ];
 
-/// Streaming f32 sums against an f64 fit of the same photographs, as the modulation falls.
+/// Study of streaming f32 sums against an f64 fit of the same photographs, at decreasing modulation.
 pub(super) fn study(effort: Effort) -> Study {
     let of_kind = |(kind, name): &(Sums, &str)| {
         let (kind, name) = (*kind, (*name).to_owned());
@@ -95,14 +95,14 @@ fn run(kind: Sums, frames: usize, contrast: f64, pixels: usize, seed: u64) -> Re
     Ok(Outcome { error: Some(error), seconds, masked: 0.0, wrong: 0.0, predicted: None })
 }
 
-/// Gratings whose modulation is this share of the mean: for circular light, r is 1 and ζ a quarter wave at most
-/// (2018 paper, Eq. 9: the modulation is sin ζ there).
+/// Gratings with this modulation relative to the mean. For circular light r is 1 and ζ at most a quarter wave (2018
+/// paper, Eq. 9: the modulation is sin ζ).
 fn faint(frames: usize, contrast: f64) -> Synthetic {
     let ratio = Complex::from_polar(1.0, contrast.asin());
     Synthetic { ratio, noise: None, angles: even_angles(frames), ..Synthetic::default() }
 }
 
-/// Kahan's summation.
+/// Kahan summation.
 fn kahan(sum: &mut f32, lost: &mut f32, value: f32) {
     let value = value - *lost;
     let next = *sum + value;
@@ -110,7 +110,7 @@ fn kahan(sum: &mut f32, lost: &mut f32, value: f32) {
     *sum = next;
 }
 
-/// Phases in rad from f32 sums of the values as they are; `add` gets the sum, a correction and the value.
+/// Phases in rad from f32 sums of the original values; `add` receives the sum, a correction and the value.
 fn phases(photographs: &Photographs, add: impl Fn(&mut f32, &mut f32, f32) + Sync) -> Vec<f64> {
     let n = photographs.truth.len();
     let mut sums = vec![[[0.0_f32; 2]; 3]; n];
@@ -136,7 +136,7 @@ fn phases_of(pairs: &[[f64; 2]]) -> Vec<f64> {
     pairs.iter().map(|[c, s]| 0.5 * s.atan2(*c)).collect()
 }
 
-/// (C, S) in f64 throughout: rounded, what f64 sums give; as they are, the reference.
+/// (C, S) in f64 throughout. Rounded, they are the result of f64 sums; unrounded, they are the reference.
 fn double(photographs: &Photographs) -> Vec<[f64; 2]> {
     let n = photographs.truth.len();
     let mut sums = vec![[0.0_f64; 3]; n];

@@ -1,4 +1,4 @@
-//! Registration of photographs behind a turning analyser: angles, noise, and edges that run alike.
+//! Studies of the registration of photographs behind a rotating analyser: number of angles, noise, and parallel edges.
 
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
 use nacre_base::Result;
@@ -9,19 +9,19 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::time::Instant;
 
-/// Angles, and whether Malus' law is taken for the scene's model.
+/// Number of angles, and whether the scene's model is Malus' law.
 const WAYS: [(usize, bool); 7] = [(4, true), (6, true), (8, true), (12, true), (24, true), (12, false), (24, false)];
 
 const ELECTRONS: [f64; 7] = [40_000.0, 3000.0, 300.0, 30.0, 10.0, 3.0, 1.0];
 const SPREAD_DEG: [f64; 7] = [180.0, 90.0, 30.0, 10.0, 3.0, 1.0, 0.0];
 
-/// Radius of the circle that photographs run around as the analyser turns, in px.
+/// Radius in pixels of the circular image shift over a turn of the analyser.
 const RADIUS_PX: f64 = 1.0;
 
 /// Waves of each texture.
 const WAVES: usize = 24;
 
-/// Against the noise, and against how far directions of edges spread.
+/// Studies against the noise, and against the angular spread of the edges.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let noise = study(
         effort,
@@ -94,7 +94,7 @@ impl Texture {
         }))
     }
 
-    /// A row from `x` on: waves are turned from pixel to pixel.
+    /// Values of a row from `x` on; the phase of each wave advances by a rotation from pixel to pixel.
     fn row(&self, [x, y]: [f64; 2], width: usize) -> Vec<f64> {
         let mut sum = vec![0.0; width];
         for [a, b, phase, amplitude] in self.0 {
@@ -109,7 +109,7 @@ impl Texture {
     }
 }
 
-/// Photographs of light between 0 and 1, and where their contents lie relative to their mean.
+/// Photographs with values between 0 and 1, and the shifts of their contents relative to the mean shift.
 fn photographs(
     side: usize,
     angles: &[f64],
@@ -161,7 +161,8 @@ fn run(side: usize, (count, malus): (usize, bool), scene: [f64; 2], seed: u64) -
 mod tests {
     use super::*;
 
-    /// Malus' law tells shifts to a few hundredths of a pixel and says so; edges that run alike are refused.
+    /// Malus' law determines shifts to a few hundredths of a pixel, with a matching σ; textures of parallel edges are
+    /// refused.
     #[test]
     fn shifts_are_told_or_refused() {
         let good = run(160, (12, true), [3000.0, 180.0], 3).unwrap();

@@ -1,4 +1,4 @@
-//! What the studies share: rendered series, the methods, and how a map is judged.
+//! Shared parts of the studies: rendered series, methods, and evaluation of a map.
 
 use crate::{Axis, Effort, Outcome};
 use nacre_base::Result;
@@ -13,37 +13,37 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// From the maps of photographs to orientations.
+/// Computes orientations from the Stokes maps of the photographs.
 pub(super) type Solve = dyn Fn(&mut StokesMaps, &Photographs) -> Result<OrientationMaps> + Send + Sync;
 
-/// A model by name.
+/// A named model.
 #[derive(Clone)]
 pub(super) struct Method {
     pub name: &'static str,
     pub solve: Arc<Solve>,
-    /// The program's choice when the user makes none.
+    /// Whether the program uses it by default.
     pub default: bool,
 }
 
-/// The models to be compared; one more is one more entry. `auto` is last, so that it lies on top of what it chose.
+/// The compared models. `auto` is last, so that its curve is drawn on top of the model that it selects.
 pub(super) fn methods() -> Vec<Method> {
     let models = [Model::Sinusoid, Model::Prenormalized, Model::Circle, Model::Curve, Model::Auto];
     models.map(|model| method(model, CLOUD)).to_vec()
 }
 
-/// The phase alone, without a look at what else might explain the points: for what concerns photographs and not films.
+/// The phase of the sinusoid without model selection, for studies of the photographs rather than of films.
 pub(super) fn sinusoid() -> Method {
     let solve = |maps: &mut StokesMaps, of: &Photographs| Ok(orient(maps, &of.design, &of.noise, 0.0));
     Method { name: "sinusoid", solve: Arc::new(solve), default: true }
 }
 
-/// The program's choice with the angles of the analyser as they are said to be.
+/// The program's default model with nominal analyser angles.
 pub(super) fn angles_as_said() -> Method {
     let solve = |maps: &mut StokesMaps, of: &Photographs| Ok(as_said(maps, of, Asked::of(Model::Auto)));
     Method { name: "auto, angles as said", solve: Arc::new(solve), default: false }
 }
 
-/// Orientations with the angles as they are said to be, and how good they are by the residuals.
+/// Orientations with nominal analyser angles, and their σ from the residuals.
 fn as_said(maps: &mut StokesMaps, of: &Photographs, asked: Asked) -> OrientationMaps {
     let angle_sigma = angle_sigma(&views(of), &of.design, maps).unwrap_or(0.0);
     orient_with(maps, &of.design, &of.noise, &Asked { angle_sigma, ..asked })
@@ -53,10 +53,10 @@ fn views(of: &Photographs) -> Vec<&[f32]> {
     of.frames.iter().map(Vec::as_slice).collect()
 }
 
-/// A model that is fitted to so many pixels.
+/// A model fitted to a given number of pixels.
 pub(super) fn method(model: Model, pixels: usize) -> Method {
     let solve = move |maps: &mut StokesMaps, of: &Photographs| {
-        // As the program does where nobody says how good the stage is.
+        // As the program does when the accuracy of the stage is not given.
         if let Some(found) = misses(&views(of), &of.angles, None, |angles, design| fit_of(of, angles, design)) {
             let angles: Vec<f64> = of.angles.iter().zip(&found.errors).map(|(a, e)| a + e).collect();
             let design = Design::new(&angles)?;
@@ -69,22 +69,22 @@ pub(super) fn method(model: Model, pixels: usize) -> Method {
     Method { name: model.word(), solve: Arc::new(solve), default: model == Model::Auto }
 }
 
-/// Pixels per scene where time matters little.
+/// Pixels per scene in studies where time matters little.
 pub(super) fn pixels(effort: Effort) -> usize {
     effort.pick(4000, 1000)
 }
 
-/// What all studies of orientation measure.
+/// Error axis of all studies of orientation.
 pub(super) fn orientation_error() -> Axis {
     Axis::log("mean orientation error", "°")
 }
 
-/// Time of what grows with the pixels.
+/// Time axis of methods whose time is proportional to the number of pixels.
 pub(super) fn time() -> Axis {
     Axis::log("time per megapixel", "s")
 }
 
-/// Time of a whole map, where most of it goes into the model's fit, which grows little with the pixels.
+/// Time axis for a whole map. The model fit dominates, and its time hardly depends on the number of pixels.
 pub(super) fn time_of_map(pixels: usize) -> Axis {
     Axis::log(&format!("time for a map of {} pixels", number(pixels as f64)), "s")
 }
@@ -94,7 +94,7 @@ pub(super) fn ratio(r: f64, zeta_deg: f64) -> Complex<f64> {
     Complex::from_polar(r, zeta_deg.to_radians())
 }
 
-/// Renders a scene and runs a method on it; the clock runs for fit, solution and method, in s per map.
+/// Renders a scene and runs a method on it. The time covers fit, solution and method, in s per map.
 pub(super) fn run(scene: &Synthetic, method: &Method, pixels: usize, seed: u64) -> Result<Outcome> {
     let photographs = scene.render(pixels, seed)?;
     let begun = Instant::now();
@@ -103,15 +103,16 @@ pub(super) fn run(scene: &Synthetic, method: &Method, pixels: usize, seed: u64) 
     Ok(judge(&map.orientation, &map.sigma, &photographs.truth, begun.elapsed().as_secs_f64()))
 }
 
-/// Pixels per row of the fit, so that it uses all threads as it does on a photograph.
+/// Pixels per row of the fit, so that it uses all threads as for a photograph.
 const ROW: usize = 1024;
 
-/// The fit to all photographs. Pixels are drawn each for itself: in one row they have no neighbours, which would all be edges.
+/// Fits all photographs. The pixels are independent of each other, and in a single row no pixel counts as the edge of
+/// its neighbours.
 pub(super) fn fitted(photographs: &Photographs) -> StokesMaps {
     fit_of(photographs, &photographs.angles, &photographs.design)
 }
 
-/// The same with these angles in rad.
+/// As [`fitted`], with these angles in rad.
 fn fit_of(photographs: &Photographs, angles: &[f64], design: &Design) -> StokesMaps {
     let n = photographs.truth.len();
     let width = if n.is_multiple_of(ROW) { ROW } else { n };
@@ -128,8 +129,8 @@ fn fit_of(photographs: &Photographs, angles: &[f64], design: &Design) -> StokesM
     StokesMaps { width: n, height: 1, ..fit.solve(design) }
 }
 
-/// A map of orientations and their σ in rad against the truth, its gauge removed: mean error in degrees, shares, and the error
-/// that σ promises.
+/// Evaluates orientations and their σ (rad) against the truth, with the unknown common offset removed. Returns the mean
+/// error in degrees, the shares, and the error expected from σ.
 pub fn judge(orientation: &[f32], sigma: &[f32], truth: &[f32], seconds: f64) -> Outcome {
     let n = truth.len() as f64;
     let compared = compare(orientation, sigma, truth, |_| true);
@@ -152,12 +153,12 @@ pub fn judge(orientation: &[f32], sigma: &[f32], truth: &[f32], seconds: f64) ->
     }
 }
 
-/// Mean |x| of a normal deviate of this standard deviation.
+/// Mean |x| of a normal distribution of this standard deviation.
 pub(super) fn mean_of_normal(sigma: f64) -> f64 {
     sigma * (2.0 / PI).sqrt()
 }
 
-/// Phrase for the legend of studies whose expected error is the map's own σ.
+/// Legend entry of studies whose expected error is the map's σ.
 pub(super) const PROMISED: &str = "the error that σ promises";
 
 #[cfg(test)]
@@ -165,8 +166,8 @@ mod tests {
     use super::*;
     use nacre_polarimetry::synthetic::{even_angles, normal};
 
-    /// Maps of more than a row of the fit promise what their pixels are off by: pixels are no edges of each other. To a tenth, of which the mean of 4096
-    /// errors varies by 1 %; as edges they promised 46°.
+    /// For maps of more than one row the predicted error matches the true one, because pixels do not count as edges of
+    /// each other. Tolerance 10 %; the mean of 4096 errors varies by 1 %. When counted as edges, they predicted 46°.
     #[test]
     fn charted_maps_promise_their_errors() {
         let scene = Synthetic { reflectance: 0.2, ..Synthetic::default() };
@@ -175,8 +176,9 @@ mod tests {
         assert!((promised / error - 1.0).abs() < 0.1, "{promised} {error}");
     }
 
-    /// Angles that are off at random, and a stage that turns too far, make an ellipse of the circle, which a film can explain as well: no pixel is
-    /// wrong and confident, and the bare sample is as right as the phase alone, but for a tenth of the noise (as a film it was 2° off).
+    /// Random analyser errors and a scale error of the stage turn the circle into an ellipse, which a film can also
+    /// explain. No pixel may be confidently wrong. The orientation of the bare sample stays as accurate as by the phase
+    /// alone, within a tenth of the noise (2° off if explained as a film).
     #[test]
     fn wrong_angles_are_no_film() {
         let bare = |angle_errors| Synthetic { reflectance: 0.2, angle_errors, ..Synthetic::default() };

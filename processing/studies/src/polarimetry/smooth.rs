@@ -1,4 +1,4 @@
-//! Rounds of smoothing: what they gain on even regions, and what they cost at edges and on slopes.
+//! Studies of the number of smoothing rounds: noise reduction on even regions, and errors at edges and on slopes.
 
 use super::scene::{PROMISED, judge, orientation_error, time};
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
@@ -16,10 +16,10 @@ const SLOPES_DEG: [f64; 8] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 20.0];
 /// Noise of the orientation in degrees.
 const NOISE_DEG: f64 = 1.0;
 
-/// Side of the squares whose orientations alternate, in pixels.
+/// Side of the squares of alternating orientation, in pixels.
 const SQUARE: usize = 20;
 
-/// Steps between regions, and slopes.
+/// Studies of steps between regions, and of slopes.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let steps = study(
         effort,
@@ -114,7 +114,8 @@ fn run(side: usize, rounds: u32, truth: impl Fn(usize, usize) -> f64, seed: u64)
 mod tests {
     use super::*;
 
-    /// Ten rounds lower the noise of even regions and of gentle slopes; steps near the noise are lost, and fifty rounds lose more of them.
+    /// Ten rounds reduce the noise of even regions and of gentle slopes. Steps near the noise are lost, and fifty
+    /// rounds lose more of them.
     #[test]
     fn smoothing_gains_on_even_regions_and_loses_small_steps() {
         let [steps, slopes]: [Study; 2] = studies(Effort::Full).try_into().ok().unwrap();

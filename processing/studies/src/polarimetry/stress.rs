@@ -1,8 +1,8 @@
-//! One study per thing that makes an orientation hard to get: every model against it.
+//! One study per source of error: every model against each.
 //!
-//! Two samples are stressed. What the models exist for (film, ratio, front reflection, few orientations) acts on a grating
-//! behind a film; what concerns the photographs (noise, angles, saturation) acts on one without, so that nothing else is in
-//! the way.
+//! Two samples are used. Effects that the models describe (film, ratio, front reflection, few orientations) act on a
+//! grating behind a film. Effects on the photographs (noise, angles, saturation) act on a bare grating, to isolate them
+//! from the film.
 
 use super::scene::{
     Method, PROMISED, angles_as_said, judge, methods, orientation_error, pixels, ratio, run, sinusoid, time_of_map,
@@ -14,16 +14,16 @@ use nacre_polarimetry::synthetic::{Photographs, Spread, Synthetic, even_angles, 
 use num_complex::Complex;
 use std::time::Instant;
 
-/// A stress: what it is called, its values, and the sample at a value.
+/// A stress: name, values, and the sample at a value.
 struct Stress {
     name: &'static str,
     title: &'static str,
     sample: &'static str,
     axis: Axis,
     values: Vec<f64>,
-    /// Which value is the example of time against error.
+    /// Index of the value used for time against error.
     reference: usize,
-    /// The scene at a value; the seed is for what is drawn at random per run.
+    /// Builds the scene at a value; the seed is for random parameters of a run.
     scene: fn(f64, u64) -> Synthetic,
 }
 
@@ -46,10 +46,11 @@ fn bare() -> Synthetic {
     Synthetic { reflectance: 0.2, ..Synthetic::default() }
 }
 
-/// All of them; misregistration and oblique incidence need photographs of more than points and are not among them.
+/// All stress studies. Misregistration and oblique incidence are excluded, since they need photographs with spatial
+/// extent.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let mut all: Vec<Study> = sample().into_iter().map(|s| study(s, methods(), effort)).collect();
-    // Nothing here asks for the models between the simplest and the program's choice.
+    // The other models would add no information to these studies.
     let few: Vec<Method> = methods().into_iter().filter(|m| m.default || m.name == "sinusoid").collect();
     let of_angles = |name| ["stress-angle-random", "stress-backlash", "stress-angle-scale"].contains(&name);
     all.extend(photographs().into_iter().map(|s| {
@@ -60,7 +61,7 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
     all
 }
 
-/// What the sample does.
+/// Stresses of the sample.
 fn sample() -> Vec<Stress> {
     vec![
         Stress {
@@ -129,7 +130,7 @@ fn sample() -> Vec<Stress> {
     ]
 }
 
-/// What the camera and the analyser do.
+/// Stresses of the camera and the analyser.
 fn photographs() -> Vec<Stress> {
     vec![
         Stress {
@@ -216,7 +217,7 @@ fn study(mut stress: Stress, models: Vec<Method>, effort: Effort) -> Study {
     }
 }
 
-/// Every third value, every second of fewer; the example moves to the nearest below.
+/// Keeps every third value, or every second of few; the reference moves to the nearest lower one.
 fn thin(stress: &mut Stress) {
     let step = match stress.values.len() {
         ..9 => 1,
@@ -234,7 +235,7 @@ fn setting(model: &Method) -> Setting {
 
 const EXPOSURES: [f64; 10] = [0.7, 0.8, 0.9, 1.0, 1.05, 1.1, 1.2, 1.4, 1.7, 2.0];
 
-/// Too much light, with saturated pixels masked as the program does, and with them taken as they are.
+/// Study of overexposure, with saturated pixels masked as in the program, and without a mask.
 fn saturation(effort: Effort) -> Study {
     let method = sinusoid();
     Study {

@@ -1,4 +1,4 @@
-//! How many pixels the model of the film is fitted to.
+//! Study of the number of pixels to which the film model is fitted.
 
 use super::scene::{PROMISED, method, orientation_error, ratio, run, time_of_map};
 use crate::{Axis, Effort, Scene, Setting, Study};
@@ -13,7 +13,7 @@ const REFERENCE: usize = 3;
 const ALL: usize = 64 * 1024;
 const FEW: usize = 4096;
 
-/// The full curve on a share of the pixels.
+/// Study of the full curve, fitted to a subset of the pixels.
 pub(super) fn study(effort: Effort) -> Study {
     let setting = |n: &usize| {
         let setting = Setting::new("curve", format!("{} pixels", number(*n as f64)), *n as f64);

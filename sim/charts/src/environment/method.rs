@@ -1,4 +1,5 @@
-//! Pictures of a flat sample, towards grazing angles; of a grating; and of samples near the poles of the picture.
+//! Studies of environment lighting: a flat sample up to grazing angles, a grating, and samples near the poles of the
+//! environment map.
 
 use super::scene::{Last, Pattern, room};
 use super::{Draft, outcome};
@@ -14,7 +15,7 @@ use nacre_studies::{Axis, Effort, Scene, Setting, Study};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::time::Instant;
 
-/// Spots along the axes, and terms of them.
+/// Pattern of the lookup table: a lattice of spots along the axes.
 const PATTERN: Pattern = Pattern::Spots([0.0, 90.0]);
 const RANK: usize = 21;
 const LAMP_DEG: f64 = 2.0;
@@ -23,7 +24,7 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
     vec![method(effort), wavelength(effort), poles(effort)]
 }
 
-/// A flat sample in the middle of the picture.
+/// A flat sample at the centre of the environment.
 struct Sample {
     environment: Environment,
     table: Table,
@@ -32,7 +33,7 @@ struct Sample {
     truth: Vec<[f32; 3]>,
 }
 
-/// Directions around a normal, at most or just about so many degrees from it.
+/// Unit vectors within 2° of a polar angle (degrees) from the normal, at random azimuths.
 fn around(frame: &Frame, polar_deg: f64, count: usize, seed: u64) -> Vec<[f64; 3]> {
     let view = |k: usize| {
         let azimuth = TAU * uniform(key(&[seed, k as u64, 1]));
@@ -57,7 +58,7 @@ impl Sample {
         self.views.iter().map(|v| value(*v).map(|v| v as f32)).collect()
     }
 
-    /// The environment, filtered beforehand by two passes.
+    /// The environment, prefiltered by the two-pass method.
     fn filtered(&self) -> Result<Environment> {
         let settings = Settings { rank: Some(RANK), directions: Some(PATTERN.directions()), ..Settings::default() };
         let mut picture = Factors::of(&self.table, &settings)?.reflected(&self.environment, &Silent)?;
@@ -105,7 +106,7 @@ fn method(effort: Effort) -> Study {
     let setting = |(k, (method, label)): (usize, &(&str, &str))| {
         let setting = Setting::new(method, *label, k as f64);
         match k {
-            // What `render` does with a flat sample under an environment.
+            // The method that `render` uses for a flat sample under an environment.
             7 => setting.as_default(),
             2 | 3 | 5 => setting.without_sweep(),
             _ => setting,
@@ -229,11 +230,11 @@ fn wavelength(effort: Effort) -> Study {
     .study()
 }
 
-/// A frame turned by the shortest way so that it faces a direction.
+/// The frame rotated by the smallest angle to face a direction.
 fn carried(frame: &Frame, to: [f64; 3]) -> Frame {
     let [x, y, z] = frame.local(to);
     let turn = |[a, b]: [f64; 2]| {
-        // Rodrigues' formula for the turn of (0, 0, 1) to (x, y, z).
+        // Rodrigues' formula for the rotation from (0, 0, 1) to (x, y, z).
         let along = (a * x + b * y) / (1.0 + z);
         frame.world([a - along * x, b - along * y, -(a * x + b * y)])
     };

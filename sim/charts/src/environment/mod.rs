@@ -1,4 +1,5 @@
-//! Light from all around: how many terms, how fine a table, an environment and wavelengths need be, and which method.
+//! Studies of environment lighting: number of separable terms, resolution of the lookup table and environment, number
+//! of wavelengths, and method.
 
 mod method;
 mod scene;
@@ -8,14 +9,14 @@ pub(super) use scene::{EXTENT, Last, Pattern, room};
 
 use nacre_studies::{Axis, Effort, Outcome, Run, Scene, Setting, Study};
 
-/// All of them.
+/// All studies of environment lighting.
 pub fn studies(effort: Effort) -> Vec<Study> {
     let mut all = sphere::studies(effort);
     all.extend(method::studies(effort));
     all
 }
 
-/// What differs from study to study.
+/// The fields in which the studies of this module differ.
 struct Draft {
     name: &'static str,
     title: &'static str,
@@ -62,7 +63,7 @@ fn outcome(error: f64, seconds: f64, predicted: Option<f64>) -> Outcome {
 mod tests {
     use super::*;
 
-    /// The studies measure what they say, on the easy scene.
+    /// Checks on the easy scene that more terms reduce the error and that the passes as printed are worse.
     #[test]
     fn more_terms_and_the_right_passes_are_better() {
         let all = studies(Effort::Quick);

@@ -1,4 +1,4 @@
-//! Rooms with lamps, and tables of patterns.
+//! Synthetic environments with lamps, and lookup tables of test patterns.
 
 use nacre_base::Result;
 use nacre_render::environment::{Environment, Table};
@@ -6,13 +6,13 @@ use nacre_sim::random::{key, uniform};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Largest component of the half vector of all tables.
+/// Largest half-vector component of the lookup tables.
 pub const EXTENT: f64 = 0.7;
 
-/// The scene that was last asked for, as all settings are run on one scene after the other.
+/// Cache of the last scene: a study runs all settings on one scene before the next scene.
 pub struct Last<T>(Mutex<Option<Kept<T>>>);
 
-/// A scene with what it was made from.
+/// A cached scene with its key: scene number and seed.
 struct Kept<T> {
     scene: usize,
     seed: u64,
@@ -24,7 +24,7 @@ impl<T> Last<T> {
         Self(Mutex::new(None))
     }
 
-    /// What `make` gives, made once per scene and seed.
+    /// Returns the scene of this number and seed; calls `make` only when it is not cached.
     pub fn get(&self, scene: usize, seed: u64, make: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(kept) = last.as_ref().filter(|kept| (kept.scene, kept.seed) == (scene, seed)) {
@@ -36,7 +36,8 @@ impl<T> Last<T> {
     }
 }
 
-/// A sky, a floor, and twelve lamps of so many degrees (standard deviation) that together give as much light as the rest.
+/// An environment of sky, floor and twelve Gaussian lamps of standard deviation `lamp_deg` degrees. The lamps together
+/// emit as much light as the rest.
 pub fn room(width: usize, lamp_deg: f64, seed: u64) -> Result<Environment> {
     let height = width / 2;
     let blank = Environment::of(width, height, vec![[0.0; 3]; width * height])?;
@@ -63,19 +64,20 @@ pub fn room(width: usize, lamp_deg: f64, seed: u64) -> Result<Environment> {
     Environment::of(width, height, (0..width * height).map(pixel).collect())
 }
 
-/// What a table shows.
+/// Pattern of a lookup table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pattern {
     /// Spots on a lattice of two directions, degrees.
     Spots([f64; 2]),
     /// Streaks along directions, degrees.
     Streaks(&'static [f64]),
-    /// Rings.
+    /// Concentric rings.
     Rings,
 }
 
 impl Pattern {
-    /// The direction that is to lie along the meridian, radians, where the pattern has none of its own.
+    /// Directions of the pattern in radians, to be aligned with the meridian; 0 and 90° for a pattern without distinct
+    /// directions.
     pub fn directions(self) -> [f64; 2] {
         match self {
             Self::Spots(pair) => pair.map(f64::to_radians),
@@ -84,10 +86,11 @@ impl Pattern {
         }
     }
 
-    /// Its table; `width` is that of spots, streaks and rings in half vectors.
+    /// The lookup table of the pattern; `width` is the standard deviation of spots, streaks and rings in half-vector
+    /// units.
     pub fn table(self, size: usize, width: f64) -> Result<Table> {
         Table::from_fn(size, EXTENT, |h| {
-            // Red goes further from the zero order than blue.
+            // Diffraction angles grow with the wavelength: red lies further from the zero order than blue.
             [1.15, 1.0, 0.85].map(|stretch| self.at(h.map(|v| v / stretch), width))
         })
     }
@@ -99,7 +102,7 @@ impl Pattern {
             Self::Spots(pair) => {
                 let [[a, b], [c, d]] = pair.map(|v| [v.to_radians().cos(), v.to_radians().sin()]);
                 let whole = a * d - b * c;
-                // Nearest spots in lattice coordinates; others are too far to matter.
+                // Lattice coordinates of the nearest spot. Spots beyond the neighbours contribute nothing.
                 let place = [(h[0] * d - h[1] * c) / whole / 0.15, (h[1] * a - h[0] * b) / whole / 0.15];
                 let mut sum = 0.0;
                 for i in -1..=1 {

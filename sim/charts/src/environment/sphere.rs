@@ -1,4 +1,4 @@
-//! Pictures of a sphere whose every point faces the viewer (2017 CVMP).
+//! Studies of a sphere whose every point faces the viewer (2017 CVMP).
 
 use super::scene::{EXTENT, Last, Pattern, room};
 use super::{Draft, outcome};
@@ -9,7 +9,7 @@ use nacre_render::environment::{Environment, Table, clamped, facing, normalized_
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::time::Instant;
 
-/// Patterns, by their names.
+/// Names and patterns.
 const PATTERNS: [(&str, Pattern); 6] = [
     ("lattice", Pattern::Spots([0.0, 90.0])),
     ("turned", Pattern::Spots([30.0, 120.0])),
@@ -19,7 +19,7 @@ const PATTERNS: [(&str, Pattern); 6] = [
     ("rings", Pattern::Rings),
 ];
 
-/// Width of spots that a table of 256 entries shows well, and the lamps' size in degrees.
+/// Standard deviation of spots that 256 table entries resolve (half-vector units), and size of the lamps in degrees.
 const SPOT: f64 = 0.02;
 const LAMP_DEG: f64 = 1.5;
 
@@ -47,7 +47,7 @@ impl Truth {
         Factors::of(table, &Settings { rank: Some(rank), directions: Some(self.directions), ..Settings::default() })
     }
 
-    /// Error and time of two passes.
+    /// Error and time of the two passes.
     fn measured(&self, factors: &Factors, predicted: Option<f64>) -> Result<Outcome> {
         let begun = Instant::now();
         let mut found = factors.reflected(&self.environment, &Silent)?;
@@ -74,7 +74,7 @@ fn rank(effort: Effort) -> Study {
         if *r == 10 { setting } else { setting.without_sweep() }
     });
     let whole = Setting::new("sum along azimuths", "exact", 100.0);
-    // What `factor` does: as many terms as its default error needs.
+    // The default of `factor`: as many terms as its default error requires.
     let chosen = Setting::new("terms by the error", "5 % of the table", 0.0).as_default();
     let last = Last::new();
     Draft {

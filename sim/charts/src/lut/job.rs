@@ -1,4 +1,4 @@
-//! Photographs of known orders, and tables of them against their truth.
+//! Photographs of known diffraction orders, and comparison of the resulting lookup tables with the truth.
 
 use super::{BAND_NM, PITCH_PX};
 use nacre_base::Result;
@@ -9,24 +9,24 @@ use nacre_studies::Outcome;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Entries that are compared with the truth.
+/// Number of table entries that are compared with the truth.
 const COMPARED: usize = 1500;
 
-/// Orders to each side whose strength depends on the wavelength.
+/// Orders per side with wavelength-dependent efficiency.
 const ORDERS: usize = 16;
 
-/// A table is confidently wrong when it is off by more than so many times what it says.
+/// A table counts as confidently wrong if its error exceeds its predicted error by this factor.
 const CONFIDENTLY: f64 = 5.0;
 
-/// Orders on a turned lattice: Gaussians, in pixels of a photograph at [`BAND_NM`].
+/// Gaussian orders on a rotated lattice, in pixels of a photograph at [`BAND_NM`].
 #[derive(Clone, Debug)]
 pub(super) struct Pattern {
     pub sigma_px: f64,
-    /// Distance of orders.
+    /// Spacing of the orders in pixels.
     pub pitch_px: f64,
     pub angle: f64,
-    /// Depth of crossed sinusoids in nm, peak to peak, whose orders have the strengths `Jm² Jn²`; none for orders that all follow
-    /// the fourth power, as the first ones of shallow gratings do.
+    /// Peak-to-peak depth of crossed sinusoids in nm, for orders of efficiency `Jm² Jn²`. `None`: all orders scale with
+    /// λ⁻⁴, as the first orders of shallow gratings do.
     pub depth_nm: Option<f64>,
 }
 
@@ -35,7 +35,7 @@ impl Pattern {
         Self { sigma_px: 2.0, pitch_px: PITCH_PX, angle: uniform(key(&[seed, 0])), depth_nm: None }
     }
 
-    /// Strengths of the orders along one axis, at a wavelength in nm.
+    /// Efficiencies of the orders along one axis, at a wavelength in nm.
     fn strengths(&self, nm: f64) -> [f64; ORDERS] {
         let depth = self.depth_nm.unwrap_or(0.0);
         // Phase amplitude k w h₀/2 at normal incidence and view, w = 2.
@@ -43,7 +43,7 @@ impl Pattern {
         std::array::from_fn(|m| libm::jn(m as i32, x).powi(2))
     }
 
-    /// Light that a photograph at this wavelength shows, at a place in pixels from the zero order.
+    /// Radiance of a photograph at this wavelength, at a position in pixels from the zero order.
     fn light(&self, nm: f64, strengths: &[f64; ORDERS], x: f64, y: f64) -> f64 {
         let shrink = BAND_NM / nm;
         let ((sin, cos), pitch) = (self.angle.sin_cos(), self.pitch_px / shrink);
@@ -53,14 +53,14 @@ impl Pattern {
         let shape = (-0.5 * square / (self.sigma_px * self.sigma_px)).exp();
         let strength = |k: f64| strengths.get(k.abs() as usize).copied().unwrap_or(0.0);
         match self.depth_nm {
-            // What an order carries is spread over an area that grows with the square of the wavelength.
+            // The power of an order spreads over an area that grows with λ², so its radiance falls as λ⁻².
             Some(_) => shape * strength(m) * strength(n) * shrink.powi(2),
             None => shape / (1.0 + 0.1 * (m * m + n * n)) * shrink.powi(4),
         }
     }
 }
 
-/// A pattern, photographed with the zero order somewhere between four pixels.
+/// A pattern, photographed with the zero order at a subpixel position.
 pub(super) struct Job {
     pub pattern: Pattern,
     pub pixels: usize,
@@ -73,12 +73,12 @@ impl Job {
         Self { pattern, pixels, center: [place(1), place(2)] }
     }
 
-    /// Half vector per pixel.
+    /// Half-vector units per pixel.
     pub(super) fn scale(&self) -> f64 {
         2.0 / self.pixels as f64
     }
 
-    /// Of a photograph whose zero order is known.
+    /// Options for a photograph whose zero order is known.
     pub(super) fn settings(&self) -> Settings {
         Settings {
             wavelength_nm: Some(Wavelength::Band(BAND_NM)),
@@ -88,25 +88,26 @@ impl Job {
         }
     }
 
-    /// A photograph at a wavelength; `moved` says which place, in pixels right and up of the zero order, a pixel shows.
+    /// A photograph at a wavelength. `moved` maps a position, in pixels right and up of the zero order, to the imaged
+    /// position.
     pub(super) fn photograph(&self, nm: f64, moved: &(dyn Fn(f64, f64) -> [f64; 2] + Sync)) -> Photograph {
         let (size, strengths) = (self.pixels, self.pattern.strengths(nm));
         let pixel = |i: usize| {
             let [x, y] = moved((i % size) as f64 - self.center[0], self.center[1] - (i / size) as f64);
-            // Half vectors point the other way.
+            // Half vectors have the opposite sign.
             self.pattern.light(nm, &strengths, -x, -y) as f32
         };
         Photograph { light: (0..size * size).into_par_iter().map(pixel).collect(), width: size, height: size }
     }
 
-    /// A table of the photograph as it is, or of a light that is no point, against the truth.
+    /// Error of the lookup table of an undistorted photograph, optionally under an extended source.
     pub(super) fn outcome(&self, settings: &Settings, light: Option<&Light>) -> Result<Outcome> {
         let points = [([0.0; 2], 1.0)];
         self.table(settings, &[self.photograph(BAND_NM, &|x, y| [x, y])], light, &points)
     }
 
-    /// A table of photographs against the truth under points of light: where each puts the zero order, in pixels to the right and up,
-    /// and its part of all light.
+    /// Error of the lookup table of given photographs. `points` lists the point sources: position of their zero order,
+    /// in pixels right and up, and share of the total light.
     pub(super) fn table(
         &self,
         settings: &Settings,
@@ -130,10 +131,11 @@ impl Job {
         })
     }
 
-    /// Root mean square of Y at the rim where nine tenths and more were measured, over the truth's own: sums over wavelengths 1 nm apart of the pattern itself.
+    /// Root mean square error of Y at the rim, relative to the RMS of the true Y, over entries with a measured fraction
+    /// above 0.9. The truth integrates the pattern over wavelengths 0.5 nm apart.
     fn error(&self, table: &Table, size: usize, points: &[([f64; 2], f64)]) -> f64 {
         let light = Illuminant::default().spectrum;
-        // Half a nm where orders are narrower than what 1 nm moves them by at the rim.
+        // Steps of 0.5 nm: at the rim, 1 nm moves narrow orders by more than their width.
         let spectrum: Vec<(f64, f64, [f64; ORDERS])> = (0..940)
             .map(|k| 360.25 + 0.5 * f64::from(k))
             .map(|nm| (nm, light.at(nm) * Observer::Cie1931.at(nm)[1], self.pattern.strengths(nm)))
@@ -148,7 +150,7 @@ impl Job {
         let squares = places.par_iter().map(|i| {
             let (u, v) = (at(i % size), at(size - 1 - i / size));
             let of = |([x, y], part): &([f64; 2], f64)| {
-                // A point to the right puts the pattern's half vectors to the left.
+                // A source to the right shifts the pattern to the left in half-vector space.
                 let sum = spectrum.iter().map(|(nm, power, s)| power * self.pattern.light(*nm, s, u + x, v + y));
                 part * sum.sum::<f64>()
             };

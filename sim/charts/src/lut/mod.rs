@@ -1,5 +1,5 @@
-//! Lookup tables: how they are added up, from orders that are wide to those narrower than a pixel, and what comes of photographs that
-//! are not what the method takes them for.
+//! Studies of lookup tables: summation methods for wide and subpixel orders, and the errors caused by violated
+//! assumptions about the photographs.
 
 mod job;
 mod stress;
@@ -9,11 +9,11 @@ use nacre_base::Result;
 use nacre_lut::{MethodChoice, Settings};
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 
-/// Standard deviation of an order in pixels.
+/// Standard deviations of an order in pixels.
 const WIDTHS_PX: [f64; 6] = [4.0, 2.5, 2.0, 1.5, 1.0, 0.6];
 const REFERENCE: usize = 2;
 
-/// Distance of orders, in pixels, and wavelength of the photograph.
+/// Spacing of the orders in pixels, and wavelength of the photograph in nm.
 const PITCH_PX: f64 = 32.0;
 const BAND_NM: f64 = 680.0;
 
@@ -31,14 +31,14 @@ const METHODS: [(&str, &str, f64, MethodChoice); 11] = [
     ("fixed steps (paper)", "1 nm", 1.0, MethodChoice::Fixed(1.0)),
 ];
 
-/// All of them.
+/// All studies of lookup tables.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let mut all = vec![adding_up(effort)];
     all.extend(stress::studies(effort));
     all
 }
 
-/// Methods against the sharpness of the orders.
+/// Summation methods against the sharpness of the orders.
 fn adding_up(effort: Effort) -> Study {
     let [pixels, entries] = effort.pick([1000, 512], [300, 128]);
     let setting = |(k, (family, name, knob, _)): (usize, &(&str, &str, f64, MethodChoice))| {

@@ -1,4 +1,4 @@
-//! Photographs that are not what the method takes them for, and lights that are no points.
+//! Photographs that violate the method's assumptions, and extended sources.
 
 use super::job::{Job, Pattern};
 use super::{BAND_NM, PITCH_PX};
@@ -6,7 +6,7 @@ use nacre_base::Result;
 use nacre_lut::{Light, Photograph, Settings, Wavelength};
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 
-/// What is asked, what is varied, and what is tried.
+/// Description of one study: question, stress axis and settings.
 struct Stress {
     name: &'static str,
     title: &'static str,
@@ -14,12 +14,12 @@ struct Stress {
     axis: Axis,
     values: &'static [f64],
     reference: usize,
-    /// The first is what the program does by itself.
+    /// Names of the settings; the first is the default of the program.
     settings: &'static [&'static str],
     run: fn(setting: usize, value: f64, job: Job, base: Settings) -> Result<Outcome>,
 }
 
-/// All of them.
+/// All stress studies of lookup tables.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     [center(), band(), tilt(), depth(), bands(), light()].map(|stress| stress.study(effort)).into()
 }
@@ -103,7 +103,7 @@ fn tilt() -> Stress {
         settings: &["zero order found"],
         run: |_, degrees, job, base| {
             let ((sin, cos), scale) = (degrees.to_radians().sin_cos(), job.scale());
-            // The zero order is where the surface faces the camera; it is at the same pixel as without a tilt.
+            // The zero order lies where the surface faces the camera, at the same pixel as without tilt.
             let tilted = move |x: f64, y: f64| {
                 let [u, v] = [0.5 * (x * scale + 2.0 * sin), 0.5 * y * scale];
                 let w = (1.0 - u * u - v * v).max(0.0).sqrt();
@@ -115,7 +115,7 @@ fn tilt() -> Stress {
     }
 }
 
-/// Depths of crossed sinusoids in nm.
+/// Peak-to-peak depths of crossed sinusoids in nm.
 const DEPTHS: &[f64] = &[10.0, 20.0, 40.0, 80.0, 120.0, 160.0, 200.0];
 
 /// Crossed sinusoids whose first orders lie at the rim of the table.
@@ -141,7 +141,7 @@ fn depth() -> Stress {
     }
 }
 
-/// Wavelengths of a camera's channels in nm, and standard deviation of what they see of white light.
+/// Mean wavelengths of a camera's channels in nm, and standard deviation of their spectral response in nm.
 const CHANNELS_NM: [f64; 3] = [610.0, 540.0, 460.0];
 const CHANNEL_SIGMA_NM: f64 = 25.0;
 
@@ -171,7 +171,7 @@ fn bands() -> Stress {
     }
 }
 
-/// What a channel of a colour camera sees of white light, by sums over wavelengths 5 nm apart.
+/// Response of a colour camera's channel to white light, as a sum over wavelengths 5 nm apart.
 fn white(job: &Job, middle_nm: f64) -> Photograph {
     let mut sum = Photograph { light: vec![0.0; job.pixels * job.pixels], width: job.pixels, height: job.pixels };
     let weight = |nm: f64| (-0.5 * ((nm - middle_nm) / CHANNEL_SIGMA_NM).powi(2)).exp();
@@ -216,7 +216,7 @@ fn both(job: &Job, points: &[([f64; 2], f64); 2]) -> Photograph {
     sum
 }
 
-/// A photograph of the lamps' mirror image: single pixels, whose middle is the zero order.
+/// A photograph of the lamps' mirror image: two single pixels, whose centroid is the zero order.
 fn lamps(points: &[([f64; 2], f64); 2], scale: f64) -> Result<Light> {
     const SIZE: usize = 64;
     let at = |i: usize| {
@@ -230,7 +230,7 @@ fn lamps(points: &[([f64; 2], f64); 2], scale: f64) -> Result<Light> {
 mod tests {
     use super::*;
 
-    /// Error and what the table says, of a setting at a value of the stress.
+    /// Error and predicted error of a setting at a stress value.
     fn outcome(stress: Stress, setting: usize, value: f64) -> [f64; 2] {
         let job = Job::new(Pattern::shallow(5), 300, 5);
         let base = Settings { size: 128, ..job.settings() };
@@ -240,20 +240,20 @@ mod tests {
 
     #[test]
     fn studies_show_what_the_docs_say() {
-        // A place that is given wrong costs what the table says, within a fifth; one that is found does not.
+        // A zero order given with an error costs the predicted error within 20 %; an estimated zero order does not.
         for off in [0.05, 0.5, 2.0] {
             let ([wrong, said], [found, _]) = (outcome(center(), 1, off), outcome(center(), 0, off));
             assert!((said / wrong - 1.0).abs() < 0.25 && found < 0.002, "{off}: {wrong} {said} {found}");
         }
-        // The fourth power is right for shallow gratings, the second is not; for deep ones three bands are.
+        // The exponent λ⁻⁴ is right for shallow gratings and λ⁻² is not; deep gratings need three bands.
         assert!(outcome(depth(), 0, 10.0)[0] < 0.01 && outcome(depth(), 1, 10.0)[0] > 0.2);
         assert!(outcome(bands(), 4, 200.0)[0] < 0.03 && outcome(bands(), 0, 200.0)[0] > 0.3);
-        // A light is spread over the table, not over the photograph.
+        // The extended source is convolved with the table, not with the photograph.
         for distance in [2.0, 16.0] {
             let [after, before] = [0, 1].map(|setting| outcome(light(), setting, distance)[0]);
             assert!(after < 0.02 && before > 3.0 * after, "{distance}: {after} {before}");
         }
-        // A nm and a degree cost what the reports' assumptions say.
+        // Errors of 1 nm and of 1° cost the amounts stated by the report's assumptions.
         let [nm, degree] = [outcome(band(), 0, 1.0)[0], outcome(tilt(), 0, 1.0)[0]];
         assert!((0.01..0.02).contains(&nm) && (0.05..0.09).contains(&degree), "{nm} {degree}");
     }

@@ -1,4 +1,5 @@
-//! A mosaic of periods on the bench, photographed under fringes and reconstructed as a user's is: from files to files.
+//! A mosaic of gratings on the simulated bench, photographed under fringes and reconstructed from files to files, as a
+//! user would.
 
 use nacre_base::progress::Silent;
 use nacre_base::statistics::median;
@@ -15,22 +16,22 @@ use nacre_sim::{Bench, Shining};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Brightest code over white.
+/// Brightest code relative to white.
 const EXPOSED: f64 = 0.85;
-/// Parts of a pixel's side that the truth is told in, and pixels around that it may be mixed with.
+/// Subpixels per pixel side in the reference map, and radius in pixels of the optical mixing.
 const FINE: u32 = 4;
 const BLUR: usize = 2;
 
-/// Fringes that are shown.
+/// Fringe patterns on the display.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
-    /// Different ones.
+    /// Number of fringe periods.
     pub count: usize,
-    /// Phases of each.
+    /// Phase steps of each period.
     pub phases: usize,
-    /// Period of the finest in mm.
+    /// Finest fringe period in mm.
     pub finest_mm: f64,
-    /// Exponent that the panel is taken to have.
+    /// Assumed exponent (gamma) of the display.
     pub gamma: f64,
 }
 
@@ -40,28 +41,29 @@ impl Default for Shown {
     }
 }
 
-/// How maps compare with the truth.
+/// Errors of the reconstructed maps.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// Median relative error of the period.
     pub period: f64,
     /// Median error of the orientation in degrees.
     pub orientation_deg: f64,
-    /// Part of the pixels without an answer.
+    /// Fraction of pixels without a result.
     pub masked: f64,
-    /// Part of the pixels whose answer is more than five of its σ, and more than 2 % or 1°, off all that is seen there.
+    /// Fraction of confidently wrong pixels. Their result deviates from all values mixed in the pixel by more than 5 σ
+    /// and by more than 2 % or 1°.
     pub wrong: f64,
-    /// Median of error over σ, of period and orientation; 0.67 for errors that are normal.
+    /// Median of |error| / σ, of period and orientation; 0.67 for normal errors.
     pub calibration: [f64; 2],
-    /// Median σ over period.
+    /// Median relative σ of the period.
     pub promised: f64,
-    /// Seconds of the reconstruction.
+    /// Duration of the reconstruction in s.
     pub seconds: f64,
-    /// What it reports.
+    /// Report of the reconstruction.
     pub report: Report,
 }
 
-/// The bench of the target: a panel of 52 × 32 cm, 25 cm from a mosaic of 1.2 to 3 µm, in light of 560 nm.
+/// The reference bench: a display of 52 × 32 cm at 25 cm from a mosaic of 1.2 to 3 µm, at 560 nm.
 pub fn bench(seed: u64, pixels: u32) -> BenchConfig {
     let mut bench = BenchConfig { seed, ..BenchConfig::default() };
     bench.sample.kind = SampleKind::Mosaic;
@@ -72,15 +74,15 @@ pub fn bench(seed: u64, pixels: u32) -> BenchConfig {
     bench
 }
 
-/// Photographs and reconstructs; `folder` must be empty.
+/// Takes the photographs and reconstructs the maps; `folder` must be empty.
 ///
 /// # Errors
-/// As [`reconstruct`]; `Output` when the folder cannot be written to.
+/// As [`reconstruct`]; `Output` if the folder is not writable.
 pub fn judged(config: &BenchConfig, shown: &Shown, settings: &Settings, folder: &Path) -> Result<Judged> {
     judged_as_told(config, config, shown, settings, folder)
 }
 
-/// The same where the photographs' `frames.json` says that they are of another bench.
+/// As [`judged`], but `frames.json` describes another bench.
 pub(super) fn judged_as_told(
     config: &BenchConfig,
     told: &BenchConfig,
@@ -102,7 +104,7 @@ pub(super) fn judged_as_told(
     let period = [take("period.exr", "period")?, take("period.exr", "sigma")?];
     let truth = bench.truth();
     let (width, count) = (config.camera.width as usize, truth.period_um.len());
-    // What a pixel mixes, not the mean of it.
+    // The reference keeps all values mixed in a pixel, not their mean.
     let mut fine = config.clone();
     (fine.camera.width, fine.camera.height) = (FINE * config.camera.width, FINE * config.camera.height);
     fine.camera.subsamples = 1;
@@ -118,7 +120,7 @@ pub(super) fn judged_as_told(
     for i in (0..count).filter(known) {
         let sigmas = [f64::from(period[1][i] / period[0][i]), f64::from(turn[1][i])];
         let [x, y] = [i % width, i / width];
-        // What the lens's blur may mix in counts as seen there.
+        // Values within the radius of the lens blur count as mixed in the pixel.
         let reach = |at: usize, side: usize| {
             let fine = FINE as usize;
             (fine * at).saturating_sub(BLUR * fine)..(fine * (at + 1 + BLUR)).min(fine * side)
@@ -149,10 +151,10 @@ pub(super) fn judged_as_told(
     })
 }
 
-/// Writes photographs of fringes and `frames.json`, which says that they are of the bench `config`, into `folder`.
+/// Writes photographs of fringes into `folder`, with a `frames.json` that describes the bench `config`.
 ///
 /// # Errors
-/// `Output` when it cannot be written to.
+/// `Output` if the folder is not writable.
 pub fn photograph(bench: &mut Bench, config: &BenchConfig, shown: &Shown, folder: &Path) -> Result<()> {
     let camera = &config.camera;
     let (black, white) = (f64::from(camera.black_level), f64::from((1u32 << camera.bits) - 1));
@@ -200,12 +202,12 @@ pub fn photograph(bench: &mut Bench, config: &BenchConfig, shown: &Shown, folder
     std::fs::write(&path, save(&set)).map_err(|e| Error::output(&path, e))
 }
 
-/// One photograph of a pattern.
+/// Takes one photograph of a pattern.
 fn codes(bench: &mut Bench, pattern: Pattern, exposure_s: f64) -> Result<Vec<u16>> {
     bench.set_camera(exposure_s, 1.0);
     bench.shine(Shining { pattern, flash: false, covered: false }, Duration::ZERO);
     let shown = bench.now();
-    // The camera's lag takes tens of frames at most.
+    // The camera's latency takes tens of frames at most.
     for _ in 0..100_000 {
         bench.advance_to(bench.next_frame_at());
         while let Some(frame) = bench.take_frame() {

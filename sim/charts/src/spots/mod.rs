@@ -1,5 +1,5 @@
-//! Studies of the spot scan: patterns and noise, and what a wrong geometry, a wrong wavelength, a wrong exponent of the panel, periods out of
-//! reach and mixed pixels do to it.
+//! Studies of the spot scan: number of patterns, noise, and stress. The stress studies cover errors of geometry,
+//! wavelength and display exponent, periods out of range, and mixed pixels.
 
 mod job;
 
@@ -10,12 +10,12 @@ use nacre_periods::spots::Settings;
 use nacre_sim::BenchConfig;
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 
-/// All of them.
+/// All studies of the spot scan.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     vec![patterns(effort), geometry(effort), wavelength(effort), exponent(effort), reach(effort), mixed(effort)]
 }
 
-/// One run: a bench that the photographs are taken on, what its `frames.json` says of it, fringes and options.
+/// One run: the true bench, the bench described in `frames.json`, the fringes and the options.
 struct Run {
     bench: BenchConfig,
     told: BenchConfig,
@@ -43,7 +43,7 @@ impl Run {
     }
 }
 
-/// What a study of this module varies.
+/// Description of one study of this module.
 struct Varied {
     name: &'static str,
     title: &'static str,
@@ -52,7 +52,7 @@ struct Varied {
     stress: Axis,
     values: Vec<f64>,
     reference: usize,
-    /// Names and values; the first is what the program does by itself.
+    /// Names and values of the settings; the first is the default of the program.
     settings: Vec<(&'static str, f64)>,
     change: fn(setting: f64, stress: f64, run: &mut Run),
 }
@@ -93,7 +93,7 @@ impl Varied {
     }
 }
 
-/// How many fringes, against noise.
+/// Number of fringe patterns, against noise.
 fn patterns(effort: Effort) -> Study {
     Varied {
         name: "spots-patterns",
@@ -113,7 +113,7 @@ fn patterns(effort: Effort) -> Study {
         change: |count, electrons, run| {
             run.shown.count = count as usize;
             run.bench.camera.well_e = electrons;
-            // As many photons in the same time.
+            // The photon rate is unchanged. Read noise is 8 electrons, at most 1 % of the well capacity.
             run.bench.camera.read_noise_e = 8.0_f64.min(0.01 * electrons);
             run.told.camera = run.bench.camera.clone();
         },
@@ -121,7 +121,7 @@ fn patterns(effort: Effort) -> Study {
     .study(effort)
 }
 
-/// A panel that is not where it is said to be.
+/// Error of the display's position.
 fn geometry(effort: Effort) -> Study {
     Varied {
         name: "spots-geometry",
@@ -141,7 +141,7 @@ fn geometry(effort: Effort) -> Study {
     .study(effort)
 }
 
-/// A filter whose middle is not where it is said to be.
+/// Error of the filter's centre wavelength.
 fn wavelength(effort: Effort) -> Study {
     Varied {
         name: "spots-wavelength",
@@ -161,7 +161,7 @@ fn wavelength(effort: Effort) -> Study {
     .study(effort)
 }
 
-/// A panel whose exponent is not what it is driven for.
+/// Error of the display's exponent.
 fn exponent(effort: Effort) -> Study {
     Varied {
         name: "spots-exponent",
@@ -180,7 +180,7 @@ fn exponent(effort: Effort) -> Study {
     .study(effort)
 }
 
-/// Periods so short that their orders miss the panel.
+/// Periods whose orders miss the display because they are too short.
 fn reach(effort: Effort) -> Study {
     Varied {
         name: "spots-reach",

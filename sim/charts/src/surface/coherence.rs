@@ -1,4 +1,4 @@
-//! How long light is coherent: lobes' widths and heights against closed forms.
+//! Study of the coherence length: widths and heights of lobes against closed forms.
 
 use super::stress::{METHODS, NAMES, Stress, refused, said};
 use libm::jn;
@@ -17,10 +17,10 @@ const WAVELENGTHS_NM: [f64; 3] = [420.0, 550.0, 680.0];
 const PERIODS: f64 = 8.0;
 const PIXELS: usize = 128;
 
-/// Lobes that hold this part of the light, and all that is as bright, are compared.
+/// Only lobes with at least this share of the light, and directions as bright as these, are compared.
 const FAINTEST: f64 = 1e-3;
 
-/// The period in µm; other seeds, other periods.
+/// Grating period in µm, varied by the seed.
 fn period(seed: u64) -> f64 {
     1.1 + 0.004 * (seed % 100) as f64
 }
@@ -31,8 +31,8 @@ fn field(seed: u64) -> Result<HeightField> {
     Synthetic { shape, pixels: PIXELS, pixel_um, period_um: period(seed), depth_um: DEPTH_UM, angle: 0.0 }.field()
 }
 
-/// What a sinusoid's BRDF is, in 1/sr: Gaussian lobes of standard deviation `1/(2√2π σs)` about its orders, which hold `Jm²` of the light (Goodman
-/// 2005, section 4.4), times Stam's gain; and the least that counts.
+/// BRDF of a sinusoid in 1/sr, and the threshold of the comparison. Its orders are Gaussian lobes of standard deviation
+/// `1/(2√2π σs)` that hold `Jm²` of the light (Goodman 2005, section 4.4), times Stam's gain.
 fn closed(seed: u64, coherence_um: f64, nm: f64, degrees: f64) -> [f64; 2] {
     let pair = Pair::new(Direction::new(0.0, 0.0), Direction::new(degrees.to_radians(), 0.0));
     let number = 1e3 / nm;
@@ -58,7 +58,7 @@ pub(super) fn study() -> Stress {
         reference: 4,
         error: "largest relative error",
         predicted: "the error that the slice says it has",
-        // pq and its linear kind have windows of other shapes.
+        // pq and its linear variant have windows of other shapes.
         settings: NAMES.split_at(5).0,
         run: |setting, coherence_um, seed| {
             let field = field(seed)?;

@@ -1,4 +1,4 @@
-//! Methods for the BRDF of a height field, against its depth.
+//! Study of BRDF methods for height fields, against the depth.
 
 use nacre_base::Result;
 use nacre_base::progress::Silent;
@@ -31,7 +31,7 @@ const METHODS: [(&str, Method, f64); 13] = [
     ("direct sums", Method::Reference, 0.01),
 ];
 
-/// Expansions against depth.
+/// Expansions against the depth.
 pub(super) fn study(effort: Effort) -> Study {
     let [pixels, views] = effort.pick([256, 400], [96, 100]);
     let setting = |(k, (family, _, error)): (usize, &(&str, Method, f64))| {
@@ -62,7 +62,7 @@ pub(super) fn study(effort: Effort) -> Study {
     }
 }
 
-/// The surface; seeds turn it a little.
+/// The height field; the seed rotates it slightly.
 fn field(depth_um: f64, pixels: usize, seed: u64) -> Result<HeightField> {
     let angle = 0.3 + 0.01 * (seed % 100) as f64;
     Synthetic { shape: Shape::Fingers, pixels, pixel_um: 0.09, period_um: 1.2, depth_um, angle }.field()
@@ -84,7 +84,7 @@ fn run(setting: usize, depth_um: f64, pixels: usize, views: usize, seed: u64) ->
     let Ok(found) = found else {
         return Ok(Outcome { error: None, seconds, masked: 1.0, wrong: 0.0, predicted: None });
     };
-    // Direct sums at every few directions: they are slow.
+    // Direct sums are slow, so they are evaluated for a subset of the directions.
     let every = (views / 25).max(1);
     let some: Vec<f64> = theta.iter().copied().step_by(every).collect();
     let truth = of(Method::Reference, max_error, &some)?;
@@ -99,7 +99,7 @@ fn run(setting: usize, depth_um: f64, pixels: usize, views: usize, seed: u64) ->
         }
     }
     let wrong = f64::from(u8::from(error.is_nan() || error > 5.0 * found.error_estimate));
-    // What is the same number has no logarithm.
+    // The logarithmic axis needs a positive error even for identical numbers.
     let error = error.max(1e-16);
     Ok(Outcome { error: Some(error), seconds, masked: 0.0, wrong, predicted: Some(found.error_estimate) })
 }

@@ -1,4 +1,5 @@
-//! BRDFs of height fields: which expansion, how many wavelengths, and where scalar theory, approximations and methods fail.
+//! Studies of height-field BRDFs: choice of expansion, number of wavelengths, and limits of scalar theory,
+//! approximations and methods.
 
 mod coherence;
 mod expansions;
@@ -7,7 +8,7 @@ mod sums;
 
 use nacre_studies::{Effort, Study};
 
-/// All of them.
+/// All studies of height-field BRDFs.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let mut all = vec![expansions::study(effort)];
     all.extend(stress::studies(effort));

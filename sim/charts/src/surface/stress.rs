@@ -1,4 +1,4 @@
-//! Where methods for BRDFs of height fields fail.
+//! Limits of the BRDF methods for height fields.
 
 use super::{coherence, sums};
 use nacre_base::progress::Silent;
@@ -15,7 +15,7 @@ use num_complex::Complex64;
 use std::f64::consts::TAU;
 use std::time::Instant;
 
-/// What is asked, what is varied, and what is tried.
+/// Description of one study: question, stress axis and settings.
 pub(super) struct Stress {
     pub(super) name: &'static str,
     pub(super) title: &'static str,
@@ -25,12 +25,12 @@ pub(super) struct Stress {
     pub(super) reference: usize,
     pub(super) error: &'static str,
     pub(super) predicted: &'static str,
-    /// The first is what the program does by itself.
+    /// Names of the settings; the first is the default of the program.
     pub(super) settings: &'static [&'static str],
     pub(super) run: fn(setting: usize, value: f64, seed: u64) -> Result<Outcome>,
 }
 
-/// All of them.
+/// All stress studies of height-field BRDFs.
 pub(super) fn studies(_: Effort) -> Vec<Study> {
     [
         rigorous(),
@@ -72,7 +72,7 @@ impl Stress {
     }
 }
 
-/// An outcome of which nothing is predicted; what is the same number has no logarithm.
+/// An outcome without predicted error. The logarithmic axis needs a positive error even for identical numbers.
 pub(super) fn plain(error: f64, begun: Instant) -> Outcome {
     let wrong = f64::from(u8::from(error.is_nan()));
     Outcome {
@@ -84,13 +84,13 @@ pub(super) fn plain(error: f64, begun: Instant) -> Outcome {
     }
 }
 
-/// An outcome that says how exact it is.
+/// An outcome with a predicted error.
 pub(super) fn said(error: f64, predicted: f64, begun: Instant) -> Outcome {
     let wrong = f64::from(u8::from(error.is_nan() || error > 5.0 * predicted));
     Outcome { wrong, predicted: Some(predicted), ..plain(error, begun) }
 }
 
-/// An outcome of what a method refuses.
+/// Outcome of a scene that the method refuses.
 pub(super) fn refused(begun: Instant) -> Outcome {
     Outcome { error: None, seconds: begun.elapsed().as_secs_f64(), masked: 1.0, wrong: 0.0, predicted: None }
 }
@@ -127,7 +127,7 @@ fn rigorous() -> Stress {
             let pair = Pair::new(Direction::new(0.0, 0.0), out);
             let number = TAU * 1e3 / nm;
             let (q, gain, method) = match setting {
-                // The flux of a lobe: ∫ f cos θ dω = ∫ f dx dy, and f's density is over frequencies.
+                // Flux of a lobe: ∫ f cos θ dω = ∫ f dx dy, where f is a density over frequencies.
                 0 => (number * pair.w, pair.gain, OrderMethod::Exact),
                 1 => (2.0 * number, 1.0, OrderMethod::Exact),
                 _ => (2.0 * number, 1.0, OrderMethod::Taylor2),
@@ -150,16 +150,16 @@ fn blazed(pixels: usize, periods: f64) -> Result<HeightField> {
     Synthetic { shape, pixels, pixel_um, period_um: 2.5, depth_um: 0.3, angle: 0.0 }.field()
 }
 
-/// The grating equation's period by a method, relative to 2.5 µm.
+/// The period by the grating equation, relative to 2.5 µm, of a method.
 fn equation(setting: usize, field: &HeightField, theta: f64) -> Result<Outcome> {
     let quality = Quality::of(field, 65.0);
     let all: Vec<f64> = (400..=700).step_by(20).map(f64::from).collect();
-    // pq is far from what it is asked for, and says so.
+    // pq misses its target error and reports it.
     let settings =
         Settings { light_deg: [theta, 0.0], method: METHODS[setting], max_error: 0.5, ..Settings::default() };
     let begun = Instant::now();
     match check(field, &quality, &settings, &all, [Some(2.5), Some(0.0)], &Silent) {
-        // A patch that is warned about is no result to rely on, unless one period of its grating stood in for it.
+        // A patch with a warning is no reliable result, unless it was replaced by one period of its grating.
         Ok(found) => {
             let relied_on = quality.is_periodic() || found.cut_periods.is_some();
             let masked = if relied_on { 0.0 } else { 1.0 };
@@ -202,8 +202,8 @@ fn periods() -> Stress {
     }
 }
 
-/// A sinusoid, its spectra over these angles at normal incidence, and the largest error relative to direct sums of directions that hold a
-/// thousandth of the mirror's.
+/// A sinusoid, its spectra over these angles at normal incidence, and the largest relative error against direct sums.
+/// Only directions with at least 1/1000 of the mirror direction's value count.
 fn near(depth_um: f64, theta: &[f64], order: Option<usize>, method: Method) -> Result<Outcome> {
     let shape = Shape::Grating(Profile::Sinusoid);
     let field = Synthetic { shape, pixels: 96, pixel_um: 0.08, period_um: 1.28, depth_um, angle: 0.0 }.field()?;
@@ -273,7 +273,7 @@ fn orders() -> Stress {
     }
 }
 
-/// Linear red, green and blue of directions that are not next to the mirror's, all together of root mean square 1.
+/// Linear RGB of directions that are not next to the mirror direction, scaled to a total root mean square of 1.
 fn colors(map: &Map, of: impl Fn(usize, [f32; 3]) -> [f64; 3]) -> Vec<[f64; 3]> {
     let place =
         |k: usize| [(k % map.size) as f64, (k / map.size) as f64].map(|v| (2.0 * v + 1.0) / map.size as f64 - 1.0);
@@ -334,32 +334,32 @@ mod tests {
 
     #[test]
     fn studies_show_what_the_docs_say() {
-        // Scalar theory: fine periods are off, coarse ones are not; the second-order lobes gain light everywhere.
+        // Scalar theory fails at fine periods but not at coarse ones; second-order lobes gain light everywhere.
         let all = rigorous();
         assert!(error(&all, 0, 5.0) < 1e-4 && error(&all, 0, 0.6) > 0.1);
         assert!(error(&all, 0, 2.0) < error(&all, 1, 2.0));
         assert!(error(&all, 2, 5.0) > 0.2);
-        // Methods keep the grating equation, or refuse.
+        // Methods satisfy the grating equation or refuse the scene.
         for setting in [0, 2, 3] {
             assert!(error(&incidence(), setting, 85.0) < 1e-3, "{setting}");
         }
-        // A patch that cuts its grating shows the grating's period as well as one that does not.
+        // A patch that truncates its grating gives the grating's period as accurately as an untruncated one.
         for setting in 0..METHODS.len() {
             let cut = (periods().run)(setting, 4.5, 1).unwrap();
             assert!(cut.masked == 0.0 && cut.error.unwrap() < 2e-3, "{setting}: {cut:?}");
         }
-        // Less than a period is no grating.
+        // Less than one period does not define a grating.
         let part = (periods().run)(0, 0.5, 1).unwrap();
         assert!(part.masked == 1.0, "{part:?}");
-        // Near the mirror nmm has its wavelengths.
+        // Close to the mirror direction, nmm has enough wavelengths.
         assert!(error(&mirror(), 4, 1e-4) < 0.01);
-        // Orders by depth.
+        // Orders against depth.
         for setting in 1..=3 {
             let found = (orders().run)(setting, 0.1, 1).unwrap();
             assert_eq!(found.wrong, 0.0, "{found:?}");
         }
         assert!(error(&orders(), 1, 0.1) > error(&orders(), 3, 0.1));
-        // A period alone is no BRDF.
+        // A period alone does not determine a BRDF.
         assert!(error(&period_only(), 1, 0.1) > 20.0 * error(&period_only(), 0, 0.1));
         // Steps and neighbours.
         assert!(

@@ -1,4 +1,4 @@
-//! Sums over wavelengths and over frequencies: how many terms they need.
+//! Study of the number of terms in sums over wavelengths and over frequencies.
 
 use super::stress::{Stress, plain};
 use nacre_base::Result;
@@ -44,7 +44,7 @@ pub(super) fn steps() -> Stress {
             let begun = Instant::now();
             let found = match setting {
                 0 => {
-                    // Wave numbers at the step that a lobe's width allows (Gaussian lobes added up at even steps).
+                    // Wave numbers at the step that the lobe width allows: Gaussian lobes summed at equal steps.
                     let step = Window::new(coherence_um)?.step(60_f64.to_radians().sin(), 0.0025);
                     let count = ((1e3 / 380.0 - 1e3 / 780.0) / step).ceil() as usize;
                     let number = |k: usize| 1e3 / 780.0 + (1e3 / 380.0 - 1e3 / 780.0) * k as f64 / count as f64;

@@ -1,6 +1,6 @@
 //! Orientation, σ and mask of every pixel under a circle or a curve.
 //!
-//! Pixels are taken in runs, and every step is a loop over a run that the compiler makes vectors of.
+//! Pixels are processed in runs; every step is a loop over a run that the compiler vectorises.
 
 mod table;
 
@@ -17,28 +17,28 @@ use nacre_base::vectors::vectorised;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_PI_2;
 
-/// Pixels in a run: what is known of them stays in the processor's first cache.
+/// Pixels in a run: their data fit into the processor's first-level cache.
 const RUN: usize = 512;
 
-/// Runs that a thread takes at a time.
+/// Runs per task of a thread.
 const RUNS: usize = 8;
 
-/// Pixels farther from the curve than so many standard deviations do not follow the model; what is beyond counts as error
-/// along the curve, too.
+/// Distance from the curve in standard deviations beyond which a pixel does not follow the model; the excess also
+/// counts as error along the curve.
 const OFF: f32 = 3.0;
 
-/// What maps are looked at through.
+/// Model and corrections applied to the maps.
 pub(crate) struct Lens<'a> {
     pub design: &'a Design,
     pub noise: &'a [FrameNoise],
     pub model: &'a Candidate,
     pub correction: Option<&'a Correction>,
-    /// Added to every orientation, in rad.
+    /// Offset added to every orientation, in rad.
     pub offset: f64,
 }
 
-/// Orientation, σ and mask of every pixel under a model, and how many pixels are metal without a grating. As
-/// [`orient`](crate::orientation::orient()), which it is for the sinusoid; σ takes the place of `residual` in memory.
+/// Orientation, σ and mask of every pixel under a model, and the number of pixels of metal without a grating. For the
+/// sinusoid it equals [`orient`](crate::orientation::orient()). σ reuses the memory of `residual`.
 pub(crate) fn locate(maps: &StokesMaps, residual: Vec<f32>, lens: &Lens) -> (OrientationMaps, usize) {
     let Lens { design, noise, model, correction, offset } = *lens;
     let place = match (model.model, model.center) {
@@ -67,7 +67,7 @@ pub(crate) fn locate(maps: &StokesMaps, residual: Vec<f32>, lens: &Lens) -> (Ori
     (OrientationMaps { width: maps.width, height: maps.height, orientation, sigma }, mirrors)
 }
 
-/// What all pixels are looked at with.
+/// Shared inputs of all pixels.
 struct Pixels<'a> {
     maps: &'a StokesMaps,
     covariance: Covariance<'a>,
@@ -84,11 +84,11 @@ pub(crate) struct Run {
     pub(crate) y: [f32; RUN],
     /// Variance of x, covariance, variance of y.
     pub(crate) variance: [[f32; RUN]; 3],
-    /// Where the points belong: orientation in rad.
+    /// Orientation of the projections in rad.
     pub(crate) theta: [f32; RUN],
-    /// Its standard deviation in rad; infinite where another branch of the curve is as good.
+    /// Its standard deviation in rad; infinite if another branch of the curve is as likely.
     pub(crate) sigma: [f32; RUN],
-    /// 1 where a pixel is no grating but metal without one; σ is infinite then.
+    /// 1 for metal without a grating; σ is then infinite.
     pub(crate) mirror: [u8; RUN],
 }
 
@@ -100,7 +100,8 @@ impl Default for Run {
 }
 
 impl Pixels<'_> {
-    /// Of the pixels from `first` on: `sigma` holds residuals and becomes σ. Returns how many are metal without a grating.
+    /// Processes the pixels from `first` on: `sigma` holds residuals and is replaced by σ. Returns the number of pixels
+    /// of metal without a grating.
     fn locate(&self, place: &Place, first: usize, run: &mut Run, theta: &mut [f32], sigma: &mut [f32]) -> usize {
         vectorised(
             #[inline(always)]
@@ -138,7 +139,7 @@ impl Pixels<'_> {
         )
     }
 
-    /// Fills in the points with their variances, widened where the residual says so.
+    /// Computes the points with their variances, widened according to the residual.
     #[inline(always)]
     fn points(&self, first: usize, residual: &[f32], run: &mut Run, covariance: impl Fn(usize, [f32; 3]) -> [f32; 6]) {
         let count = residual.len();
@@ -195,7 +196,7 @@ mod tests {
     use crate::synthetic::even_angles;
     use std::f64::consts::PI;
 
-    /// Metal without a grating is masked and counted, gratings are neither, and darkness is no metal.
+    /// Metal without a grating is masked and counted; gratings and dark pixels are not.
     #[test]
     fn metal_without_a_grating_is_counted() {
         let mut curve = Curve::circle([0.05, 0.02], 0.3);

@@ -1,4 +1,4 @@
-//! The way from a point to the nearest places of a curve.
+//! Lookup table from points to the nearest points of a curve.
 
 use super::{OFF, RUN, Run};
 use crate::film::curve::Curve;
@@ -8,40 +8,41 @@ use rayon::prelude::*;
 use std::f32::consts::FRAC_PI_2;
 use std::f64::consts::PI;
 
-/// Places on the curve that the table leads to.
+/// Nodes on the curve.
 const NODES: usize = 1024;
 
-/// θ from one to the next.
+/// Step of θ between nodes.
 const STEP: f32 = std::f32::consts::PI / NODES as f32;
 
 /// Cells of the table along each side.
 const CELLS: usize = 256;
 
-/// A second place on the curve counts if it is not less likely than the first by more than this (squared standard
-/// deviations), and farther along than their uncertainties: the pixel is masked then.
+/// Difference of squared distance, in squared standard deviations, within which a second branch of the curve counts as
+/// equally likely. If it is also farther along than both uncertainties, the pixel is masked.
 const RIVAL: f32 = 9.0;
 
-/// A squared distance from the mirror's place that noise hardly reaches, in squared standard deviations.
+/// Squared distance from the position of bare metal that noise rarely exceeds, in squared standard deviations.
 const MIRROR: f32 = 16.0;
 
-/// Uncertainty in rad from which the bend of the curve within it is looked at. Of 300 films drawn (r 0.7 to 1.5, any ζ, Δn up to 12°) nine in ten have
-/// no place that is slower by more than 1.4 % within twice that.
+/// Uncertainty in rad from which the variation of the curve within it is examined. Of 300 random films (r 0.7 to 1.5,
+/// any ζ, Δn up to 12°) nine in ten slow down by at most 1.4 % within twice that.
 const BENT: f32 = 0.01;
 
-/// Where the curve is that much slower within the noise than at the point itself, no σ describes the error, and the pixel is
-/// masked. With 1.3, 98.8 % of the worst tenth of a film's pixels are within 3σ, with 1.25 99.1 %; 1.2 masks 4.4 % of all, this 3.2 %.
+/// Slowdown of the curve within the noise, relative to the point itself, above which no σ describes the error and the
+/// pixel is masked. With 1.3, 98.8 % of the worst tenth of a film's pixels are within 3σ, with 1.25 99.1 %; 1.2 masks
+/// 4.4 % of all pixels, this value 3.2 %.
 const TOO_BENT: f32 = 1.23;
 
-/// Leads from a point to the nearest places of a curve.
+/// Table from points to the nearest points of a curve.
 pub(crate) struct Table {
     curve: Coefficients,
     low: [f32; 2],
     cells_per_unit: [f32; 2],
-    /// Where metal without a grating lies.
+    /// Position of metal without a grating.
     mirror: Option<[f32; 2]>,
     /// Sine and cosine of 2θ at the nodes.
     turns: Vec<[f32; 2]>,
-    /// Per cell the nearest node and the nearest one of another branch, which is the same when there is none near.
+    /// Per cell the nearest node, and the nearest one of another branch (equal if there is none nearby).
     nearest: Vec<[u16; 2]>,
 }
 
@@ -52,7 +53,7 @@ impl Table {
             std::array::from_fn(|axis| (0..NODES).map(|k| curve.at(theta(k))[axis] as f32).collect());
         let ends = |k: usize| nodes[k].iter().fold((f32::MAX, f32::MIN), |(l, h), p| (l.min(*p), h.max(*p)));
         let ((xl, xh), (yl, yh)) = (ends(0), ends(1));
-        // As much again on every side; beyond that a pixel is on no curve anyway.
+        // Margin of the curve's size on every side; pixels beyond it do not follow the curve.
         let margin = 0.5 * (xh - xl).max(yh - yl).max(1e-6);
         let low = [xl - margin, yl - margin];
         let cells_per_unit = [xh - xl, yh - yl].map(|side| CELLS as f32 / (side + 2.0 * margin));
@@ -87,7 +88,7 @@ impl Table {
         if other.distance2 < best.distance2 { other.theta } else { best.theta }
     }
 
-    /// Where the first `count` points of a run belong.
+    /// Projects the first `count` points of a run.
     pub(super) fn locate_run(&self, run: &mut Run, count: usize) {
         let mut first = Feet::new();
         let mut seconds = Feet::new();
@@ -132,14 +133,14 @@ impl Table {
         );
     }
 
-    /// The two nodes to begin at.
+    /// The two start nodes.
     #[inline(always)]
     fn nearest(&self, at: [f32; 2]) -> [u16; 2] {
         let cell = |k: usize| ((at[k] - self.low[k]) * self.cells_per_unit[k]).clamp(0.0, (CELLS - 1) as f32) as usize;
         self.nearest[cell(1) * CELLS + cell(0)]
     }
 
-    /// θ, and sine and cosine of twice that.
+    /// θ, and sine and cosine of 2θ.
     #[inline(always)]
     fn node(&self, node: u16) -> [f32; 3] {
         let [sin, cos] = self.turns[usize::from(node)];
@@ -164,7 +165,7 @@ impl Table {
         }
     }
 
-    /// The nearest place near a node (θ, sine and cosine of 2θ), in the metric of the noise.
+    /// Refines the projection near a node (θ, sine and cosine of 2θ), in the metric of the noise.
     #[inline(always)]
     fn refine(&self, [mut theta, mut sin, mut cos]: [f32; 3], at: [f32; 2], [va, vb, vc]: [f32; 3]) -> Foot {
         let [wa, wb, wc] = weights([va, vb, vc]);
@@ -194,7 +195,8 @@ impl Table {
         }
     }
 
-    /// σ along the curve where that turns or slows down within the noise, so that a point moves less than its speed there promises.
+    /// σ along the curve where it turns or slows down within the noise, so that the displacement of a point per rad is
+    /// smaller than at the point itself.
     #[inline(always)]
     fn bent(&self, theta: f32, along: f32, variance: [f32; 3]) -> f32 {
         let [wa, wb, wc] = weights(variance);
@@ -212,17 +214,17 @@ impl Table {
     }
 }
 
-/// Where a point lies next to the curve.
+/// Projection of a point onto the curve.
 struct Foot {
     theta: f32,
     /// σ along the curve in rad.
     along: f32,
-    /// Variance for being off the curve.
+    /// Additional variance for the distance from the curve.
     excess: f32,
     distance2: f32,
 }
 
-/// The same of a run; `theta`, `sin` and `cos` are those of the nodes to begin with.
+/// Projections of a run; `theta`, `sin` and `cos` initially hold the start nodes.
 struct Feet {
     theta: [f32; RUN],
     sin: [f32; RUN],
@@ -249,11 +251,11 @@ impl Feet {
     }
 }
 
-/// Orientation and σ, infinite where two places are about as likely.
+/// Orientation and σ of the nearer projection; σ is infinite if both are about equally likely.
 #[inline(always)]
 fn better(first: &Feet, i: usize, second: &Feet, k: usize) -> (f32, f32) {
     let apart = folded(folded(first.theta[i] - second.theta[k]) + FRAC_PI_2) - FRAC_PI_2;
-    // A place where the curve is too bent for a σ rivals no less.
+    // A point at which the curve is too bent for a σ is still a competing branch.
     let (less, more) = (first.along[i].min(second.along[k]), first.along[i].max(second.along[k]));
     let along = if more.is_finite() { more } else { less };
     let lead = second.distance2[k] - first.distance2[i];
@@ -262,7 +264,7 @@ fn better(first: &Feet, i: usize, second: &Feet, k: usize) -> (f32, f32) {
     (theta, if rival { f32::INFINITY } else { sigma })
 }
 
-/// Whether a point may be metal without a grating rather than a grating so far from the curve.
+/// Whether a point is more likely metal without a grating than a grating at this distance from the curve.
 #[inline(always)]
 fn is_mirror(at: [f32; 2], mirror: [f32; 2], variance: [f32; 3], from_curve2: f32) -> bool {
     let from_mirror2 = distance2(at, mirror, variance);
@@ -292,8 +294,8 @@ fn turned([s, c]: [f32; 2], by: f32) -> [f32; 2] {
     [s * cos + c * sin, c * cos - s * sin]
 }
 
-/// The nearest node and the nearest one that other ones, farther away, lie between. `distances` begins with the last node's and
-/// ends with the first one's; `least` marks minima.
+/// The nearest node, and the nearest one separated from it by farther nodes. `distances` begins with the last node's
+/// and ends with the first one's; `least` marks minima.
 #[inline(always)]
 fn branches(
     [xs, ys]: &[Vec<f32>; 2],
@@ -333,11 +335,11 @@ struct Coefficients([[f32; 5]; 3]);
 impl Coefficients {
     fn new(curve: &Curve) -> Self {
         let all = curve.coefficients();
-        // Relative to the mean of S0, so that nothing is too small.
+        // Normalised by the mean of S0, to avoid underflow.
         Self(all.map(|row| row.map(|v| (v / all[0][0]) as f32)))
     }
 
-    /// The point where 2θ has this sine and cosine.
+    /// The point for this sine and cosine of 2θ.
     #[inline(always)]
     fn at(&self, s: f32, c: f32) -> [f32; 2] {
         let (s2, c2) = (2.0 * s * c, c * c - s * s);
@@ -345,7 +347,7 @@ impl Coefficients {
         [s1 / s0, s2 / s0]
     }
 
-    /// The same, and how it moves with θ.
+    /// The point and its derivative with respect to θ.
     #[inline(always)]
     fn with_tangent(&self, s: f32, c: f32) -> ([f32; 2], [f32; 2]) {
         let (s2, c2) = (2.0 * s * c, c * c - s * s);

@@ -11,14 +11,14 @@ fn images([width, height]: [usize; 2], method: Demosaic, mosaic: impl Fn(usize, 
 #[test]
 fn what_is_measured_stays_and_slopes_are_exact() {
     let (width, height) = (26, 18);
-    // A slope behind each polarizer, whose differences are even.
+    // A linear ramp behind each polarizer, with constant differences.
     let light = |x: usize, y: usize, k: usize| 3.0 + 0.25 * x as f32 - 0.125 * y as f32 + [0.0, 1.0, -0.5, 0.75][k];
     for method in METHODS {
         let found = images([width, height], method, |x, y| light(x, y, x % 2 + 2 * (y % 2)));
         for (k, image) in found.iter().enumerate() {
             for (i, v) in image.iter().enumerate() {
                 let (x, y) = (i % width, i / width);
-                // Mirrors bend slopes.
+                // Mirroring distorts ramps at the rim.
                 let rim = [x, y, width - 1 - x, height - 1 - y].into_iter().min().unwrap();
                 let own = (x % 2, y % 2) == (k % 2, k / 2);
                 if own || rim >= if method == Demosaic::Bilinear { 1 } else { 8 } {
@@ -29,7 +29,7 @@ fn what_is_measured_stays_and_slopes_are_exact() {
     }
 }
 
-/// Sizes down to one super-pixel, and pixels that cannot be used.
+/// Sizes down to one super-pixel, and unusable pixels.
 #[test]
 fn small_frames_and_bad_pixels_are_no_harm() {
     for method in METHODS {
@@ -46,7 +46,7 @@ fn small_frames_and_bad_pixels_are_no_harm() {
     }
 }
 
-/// The variances behind σ, on even light with noise.
+/// The variances behind σ, on uniform light with noise.
 #[test]
 fn variances_are_measured() {
     let size = [512, 512];
@@ -72,7 +72,7 @@ fn variances_are_measured() {
     }
 }
 
-/// Unpolarized light over a slanting edge: interpolation makes polarization of it, along the edge less.
+/// Unpolarized light at a slanted edge: interpolation causes false polarization, less so along the edge.
 #[test]
 fn edges_make_less_false_polarization_edge_aware() {
     let edge = |x: usize, y: usize| 1.0 + 0.9 * ((x as f32 - 32.0 - 0.4 * (y as f32 - 32.0)) / 1.5).tanh();

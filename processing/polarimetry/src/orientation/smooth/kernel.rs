@@ -1,4 +1,4 @@
-//! One round of the filter: plain loops over short arrays, which the compiler turns into vector instructions.
+//! One iteration of the filter: plain loops over short arrays, which the compiler vectorises.
 
 mod window;
 
@@ -8,34 +8,35 @@ use rayon::prelude::*;
 use std::f32::consts::PI;
 use window::Window;
 
-/// Pixels that are computed together.
+/// Pixels processed together.
 const LANES: usize = 64;
-/// Reach of the window in pixels, twice the σ of the weight over distance.
+/// Radius of the window in pixels, twice the σ of the spatial weight.
 const REACH: usize = 6;
-/// Distance in pixels over which slopes are taken.
+/// Distance in pixels for gradients.
 const BASE: usize = 3;
-/// A slope counts if its difference over `BASE` pixels is so many variances of a pixel's noise: in the first round, and in later
-/// ones, where hardly any noise is left.
+/// Squared difference over `BASE` pixels, in variances of a pixel's noise, from which a gradient is significant: in the
+/// first iteration, and in later ones, where little noise remains.
 const CERTAIN: f32 = 20.0;
 const CERTAIN_LATER: f32 = 2.0;
-/// Two steps in a row make a slope if the square of one is less than so many times the other's.
+/// Largest ratio of the squares of two consecutive steps that counts as a gradient.
 const ALIKE: f32 = 4.0;
-/// Variance of the median of nine independent values over that of their mean.
+/// Ratio of the variance of the median of nine independent values to that of their mean.
 const MEDIAN_NOISE: f32 = 1.5;
-/// Side of the square that a pixel is, as a variance.
+/// Variance of a uniform distribution over a pixel's side, in px².
 const PIXEL: f32 = 1.0 / 12.0;
 
-/// Planes of a field without and with what σ follows from.
+/// Number of planes of a field without and with the quantities for σ.
 ///
-/// 0 and 1: cos 2θ and sin 2θ; 2: reliability, 0 where masked; 3 and 4: mean place of what the pixel is made of, relative to
-/// it, in px right and down; 5 to 7: its covariance xx, xy, yy in px²; 8 and 9: before the first round variance in rad² and
-/// reliability, then means of M·D and of 1/M (see [`super`]); 10: how much of the pivot's noise is in the pixel.
+/// Planes 0 and 1: cos 2θ and sin 2θ. Plane 2: reliability, 0 where masked. Planes 3 and 4: mean position of the
+/// averaged pixels relative to the pixel, in px right and down. Planes 5 to 7: its covariance xx, xy, yy in px². Planes
+/// 8 and 9: before the first iteration variance in rad² and reliability, then means of M·D and of 1/M (see [`super`]).
+/// Plane 10: weight of the pivot's noise in the pixel.
 pub(super) const VALUES: usize = 3;
 pub(super) const TRACKED: usize = 11;
 
 type Lane = [f32; LANES];
 
-/// Planes of an image, row by row one after the other, inside a frame of masked pixels.
+/// Planes of an image, row by row in sequence, inside a frame of masked pixels.
 pub(super) struct Field<const PLANES: usize> {
     width: usize,
     height: usize,
@@ -66,7 +67,7 @@ impl<const PLANES: usize> Field<PLANES> {
         field
     }
 
-    /// A field of the same size with nothing in it.
+    /// An empty field of the same size.
     pub(super) fn like(other: &Self) -> Self {
         Self { data: vec![0.0; other.data.len()], ..*other }
     }
@@ -84,42 +85,42 @@ impl<const PLANES: usize> Field<PLANES> {
     }
 }
 
-/// Standard deviation in rad of a pixel after at least one round.
+/// Standard deviation in rad of a pixel after at least one iteration.
 pub(super) fn sigma(pixel: &[f32; TRACKED]) -> f32 {
     (pixel[8] * pixel[9] / area(pixel[5], pixel[6], pixel[7])).sqrt()
 }
 
-/// Area in px² whose even mean has as little noise as a Gaussian of this covariance.
+/// Area in px² whose uniform mean has the same noise as a Gaussian of this covariance.
 fn area(xx: f32, xy: f32, yy: f32) -> f32 {
     let (xx, yy) = (xx.max(0.0) + PIXEL, yy.max(0.0) + PIXEL);
     4.0 * PI * (xx * yy - xy * xy).max(PIXEL * PIXEL).sqrt()
 }
 
-/// The weights.
+/// Parameters of the weights.
 pub(super) struct Filter {
     /// (down, right, squared distance) within the window.
     taps: Vec<(usize, usize, f32)>,
     /// Variance of the median pixel in rad².
     noise: f32,
-    /// Variance of the weight over orientations over that of the noise, and its limits in rad².
+    /// Ratio of the variance of the orientation weight to that of the noise, and its limits in rad².
     wider: f32,
     limits: [f32; 2],
-    /// Rounds that there will be.
+    /// Total number of iterations.
     rounds: f32,
 }
 
-/// Which round it is: the first has the pixels' own σ, later ones have less noise in what they see.
+/// Iteration number: the first one uses the pixels' own σ, later ones see less noise.
 #[derive(Clone, Copy)]
 pub(super) struct Round {
-    /// From 0.
+    /// Counted from 0.
     pub number: u32,
-    /// How much larger the variance per area is than the pixels' own variances say.
+    /// Ratio of the variance per area to that expected from the pixels' own variances.
     pub correlated: f32,
 }
 
 impl Filter {
-    /// For a map whose median pixel has `sigma` rad; the weight over orientations is `times` as wide as a pixel's σ, within limits
-    /// in rad.
+    /// Filter for a map whose median pixel has `sigma` rad; the orientation weight is `times` as wide as a pixel's σ,
+    /// within limits in rad.
     pub(super) fn new(sigma: f32, times: f32, limits: [f32; 2], rounds: u32) -> Self {
         let reach = REACH as i32;
         let places = (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x)));
@@ -130,10 +131,10 @@ impl Filter {
         Self { taps: inside.map(tap).collect(), noise, wider: times * times, limits, rounds: rounds as f32 }
     }
 
-    /// For the pixels of a window: 1/8σ² of the weight over orientations and 1/4σ² of that over distance.
+    /// 1/8σ² of the orientation weight and 1/4σ² of the spatial weight, for the pixels of a window.
     ///
-    /// Where orientations slope, the window shrinks until all rounds together reach over no more than the noise: a mean over
-    /// more would be off at borders and where the slope bends.
+    /// At orientation gradients the window shrinks, until the change over the reach of all iterations stays below the
+    /// noise: a wider mean would be biased at borders and where the gradient changes.
     #[inline(always)]
     fn widths<const PLANES: usize>(&self, window: &Window<PLANES>, round: Round) -> [Lane; 2] {
         const WIDEST: f32 = 1.0 / (REACH * REACH) as f32;
@@ -158,7 +159,7 @@ impl Filter {
         widths
     }
 
-    /// One round.
+    /// Applies one iteration.
     pub(super) fn apply<const PLANES: usize>(
         &self,
         from: &Field<PLANES>,
@@ -173,7 +174,7 @@ impl Filter {
                 return;
             }
             for x in (0..columns).map(|column| column * LANES) {
-                // The corner of the window; its middle is REACH farther in both directions.
+                // The corner of the window; its centre is REACH farther in both directions.
                 let window = Window { from, y, x };
                 if round.number == 0 {
                     self.mean::<PLANES, true>(&window, round, row);
@@ -222,18 +223,18 @@ impl Filter {
     }
 }
 
-/// What the pixels of a window are compared with, and how strictly.
+/// Reference orientation and widths for the weights of a window.
 struct Pivot {
     c: Lane,
     s: Lane,
-    /// 1/8σ² over orientations.
+    /// 1/8σ² of the orientation weight.
     steep: Lane,
-    /// 1/4σ² over distance.
+    /// 1/4σ² of the spatial weight.
     narrow: Lane,
 }
 
 impl Pivot {
-    /// Roots of the weights over distance and over orientations, and cos 2Δ, for pixel `i` of the lane.
+    /// Square roots of the spatial and the orientation weight, and cos 2Δ, for pixel `i` of the lane.
     #[inline(always)]
     fn roots(&self, i: usize, square: f32, c: f32, s: f32) -> [f32; 3] {
         let cos = c * self.c[i] + s * self.s[i];
@@ -242,10 +243,10 @@ impl Pivot {
     }
 }
 
-/// Weights of pixels (cos 2θ, sin 2θ, reliability) at this squared distance. Both that over distance d, `(1 - d²/4σ²)²`, and that
-/// over the difference Δ of orientations, `(1 - (1 - cos 2Δ)/8σ²)²`, are Tukey's biweight: as bent at 0 as the Gaussian, but
-/// nothing at all from about 2 σ on, where the Gaussian's 14 % leak over edges round by round (Black et al., Robust anisotropic
-/// diffusion, 1998).
+/// Weights of pixels (cos 2θ, sin 2θ, reliability) at this squared distance. The spatial weight `(1 - d²/4σ²)²` and the
+/// orientation weight `(1 - (1 - cos 2Δ)/8σ²)²` are Tukey's biweight. Its curvature at 0 equals the Gaussian's, but it
+/// vanishes from about 2 σ on, where the Gaussian's 14 % leak over edges in every iteration (Black et al., Robust
+/// anisotropic diffusion, 1998).
 #[inline(always)]
 fn weights(pivot: &Pivot, square: f32, [c, s, reliability]: [&Lane; 3]) -> Lane {
     let mut weight = [0.0; LANES];
@@ -265,7 +266,7 @@ fn add(sum: &mut Lane, weight: &Lane, plane: &Lane) {
     }
 }
 
-/// Adds what σ follows from; `offset` is where the pixels lie, in px right and down.
+/// Adds the quantities for σ; `offset` is the position of the pixels, in px right and down.
 #[inline(always)]
 fn track<const PLANES: usize, const FIRST: bool>(
     sums: &mut [Lane; PLANES],
@@ -285,8 +286,8 @@ fn track<const PLANES: usize, const FIRST: bool>(
     }
 }
 
-/// Adds how much the mean follows its pivot: `Σ -w'(Δ)·Δ`, which is Σw where orientations slope so much that the pivot alone
-/// decides which of them count.
+/// Adds the dependence of the mean on its pivot: `Σ -w'(Δ)·Δ`, which equals Σw at gradients so steep that the pivot
+/// alone decides which pixels count.
 #[inline(always)]
 fn follow(sum: &mut Lane, pivot: &Pivot, square: f32, [c, s, reliability]: [&Lane; 3]) {
     for i in 0..LANES {
@@ -295,7 +296,7 @@ fn follow(sum: &mut Lane, pivot: &Pivot, square: f32, [c, s, reliability]: [&Lan
     }
 }
 
-/// A pixel that agrees with nothing around it: the median's orientation with what σ followed from before.
+/// A pixel that agrees with no neighbour takes the median's orientation; its quantities for σ are kept.
 #[inline(always)]
 fn replaced<const PLANES: usize, const FIRST: bool>(before: [f32; PLANES], [c, s]: [f32; 2]) -> [f32; PLANES] {
     let mut pixel = before;
@@ -307,7 +308,7 @@ fn replaced<const PLANES: usize, const FIRST: bool>(before: [f32; PLANES], [c, s
     pixel
 }
 
-/// From sums to a pixel, which was `before`.
+/// Converts sums to a pixel, which was `before`.
 #[inline(always)]
 fn finish<const PLANES: usize, const FIRST: bool>(
     sums: [f32; PLANES],
@@ -333,12 +334,13 @@ fn finish<const PLANES: usize, const FIRST: bool>(
     pixel
 }
 
-/// Mixes the noise of the pivot into what σ follows from. Of two Gaussian kernels of covariance S and T the product integrates to
-/// one over the area of (S + T)/2, so the area of the mixture is known; its covariance is scaled to that.
+/// Adds the noise of the pivot to the quantities for σ. The product of two Gaussian kernels of covariance S and T
+/// integrates to one over the area of (S + T)/2, so the area of the mixture is known, and its covariance is scaled
+/// accordingly.
 fn mix_pivot<const PLANES: usize>(pixel: &mut [f32; PLANES], before: &[f32; PLANES], noise: f32) {
     let share = pixel[10].clamp(0.0, 1.0);
     let wide = [pixel[5], pixel[6], pixel[7]];
-    // The variance of a place within 3×3 pixels is 2/3.
+    // The variance of a position within 3×3 pixels is 2/3.
     let narrow = [before[5] + 2.0 / 3.0, before[6], before[7] + 2.0 / 3.0];
     let middle: [f32; 3] = std::array::from_fn(|k| 0.5 * (wide[k] + narrow[k]));
     let of = |[xx, xy, yy]: [f32; 3]| 1.0 / area(xx, xy, yy);

@@ -1,27 +1,31 @@
-//! Smoothing of the orientation map: the 2018 paper's adaptive and iterative bilateral filter (section 6.2, Fig. 16 and 18).
+//! Smoothing of the orientation map: the 2018 paper's adaptive and iterative bilateral filter (section 6.2, Fig. 16 and
+//! 18).
 //!
-//! Orientations are averaged as (cos 2θ, sin 2θ), so that 0° and 180° are neighbours. The weight of a neighbour is the product
-//! of three: a bell of its distance (σ 3 px); a bell of its difference (σ four times the noise, at most 0.35 rad) to the
-//! *median* of the pixel's 3×3 neighbourhood, so that a single wild pixel is replaced instead of kept; its reliability 1/σ².
-//! Masked pixels give nothing and get nothing.
+//! Orientations are averaged as (cos 2θ, sin 2θ), so that 0° and 180° are neighbours. The weight of a neighbour is a
+//! product of three factors. The first is a bell function of its distance (σ 3 px). The second is a bell function of
+//! its difference (σ four times the noise, at most 0.35 rad) to the *median* of the pixel's 3×3 neighbourhood. A single
+//! outlier is thus replaced instead of kept. The third is its reliability 1/σ². Masked pixels neither contribute nor
+//! change.
 //!
-//! The paper's bell is 0.35 rad wide for all pixels, and regions less than 45° apart grow into each other in ten rounds. Here
-//! it is as wide as the noise asks for, so edges stay from 15 times the noise on. And where orientations slope, the window shrinks
-//! until all rounds together reach over no more than the noise; otherwise a clean map would get worse.
+//! The paper's orientation weight is 0.35 rad wide for all pixels, and regions less than 45° apart merge in ten
+//! iterations. Here its width is proportional to the noise, so edges are preserved from 15 times the noise on. At
+//! orientation gradients the window shrinks, until the change over the reach of all iterations stays below the noise;
+//! otherwise a clean map would get worse.
 //!
-//! **σ of what comes out.** A pixel after n rounds is a weighted mean of measured pixels, and the rounds make neighbours
-//! correlated, so σ does not fall as Σw²σ²/(Σw)² from round to round. The composed weights k are not kept, but their moments
-//! are: mean place and covariance S follow the same weighted means as the orientations. In a Gaussian of covariance S, Σk² is
-//! 1/A with A = 4π √det S; in a uniform rectangle that is 5 % less, in half a Gaussian 17 % more (8 % in σ); with 1/12 px² added
-//! to S for the extent of a pixel it holds down to a single one. After the first round `v = Σw²σ²/(Σw)²` is exact, and D = v·A is
-//! the variance per unit of area. A round prefers pixels by M = Σw · reliability, so later variances are the means of M·D and of
-//! 1/M over A. Where the pivot decides what is averaged its noise is mixed in.
+//! **σ of the smoothed map.** A pixel after n iterations is a weighted mean of measured pixels. The iterations
+//! correlate neighbours, so σ does not fall as Σw²σ²/(Σw)² from iteration to iteration. The composed weights k are not
+//! stored, but their moments are: mean position and covariance S are averaged like the orientations. For a Gaussian of
+//! covariance S, Σk² is 1/A with A = 4π √det S. For a uniform rectangle it is 5 % less, for half a Gaussian 17 % more
+//! (8 % in σ). With 1/12 px² added to S for the extent of a pixel it is valid down to a single one. After the first
+//! iteration `v = Σw²σ²/(Σw)²` is exact, and D = v·A is the variance per unit of area. An iteration weights pixels by M
+//! = Σw · reliability, so later variances are the means of M·D and of 1/M over A. Where the pivot decides which pixels
+//! are averaged, its noise is added.
 //!
-//! Stated σ is within 10 % of the scatter of repeated noise after 1, 10 and 50 rounds. It is too small by up to 23 % beside
-//! edges, where half of the pixels are masked, where the noise jumps threefold every 8 px, in strips of 5 px and on slopes of
-//! 3° per pixel (see the tests).
+//! σ is within 10 % of the scatter of repeated noise after 1, 10 and 50 iterations. It is too small by up to 23 %
+//! beside edges, with half of the pixels masked, and with threefold changes of the noise every 8 px. The same holds in
+//! strips of 5 px, and at gradients of 3° per pixel (see the tests).
 //!
-//! Cost: about 0.17 µs of one core per pixel and round, 0.5 µs with σ.
+//! Cost: about 0.17 µs of one core per pixel and iteration, 0.5 µs with σ.
 
 mod kernel;
 #[cfg(test)]
@@ -39,18 +43,18 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// Standard deviation of the weight over distance, in pixels (2018 paper, Fig. 16).
+/// Standard deviation of the spatial weight in pixels (2018 paper, Fig. 16).
 pub const SPACE_SIGMA_PX: f32 = 3.0;
-/// Standard deviation of the weight over the difference of orientations: so many times the pixel's σ, within limits in rad. The
-/// larger is the 2018 paper's (Fig. 16). The smaller leaves room for what σ does not hold, bumps and scratches.
+/// Standard deviation of the orientation weight as a multiple of the pixel's σ, and its limits in rad. The upper limit
+/// is the 2018 paper's (Fig. 16). The lower limit accounts for deviations that σ does not include, bumps and scratches.
 const ANGLE_SIGMAS: f32 = 4.0;
 const ANGLE_LIMITS: [f32; 2] = [0.02, 0.35];
-/// Most rounds: by then a region without edges is one orientation.
+/// Maximum number of iterations: by then a region without edges has a single orientation.
 const MOST: u32 = 1000;
-/// σ holds the camera's noise only, not scratches and bumps; so no pixel counts more than so many median ones.
+/// Largest reliability relative to the median pixel: σ includes the camera's noise only, not scratches and bumps.
 const MOST_RELIABLE: f32 = 4.0;
 
-/// How often the filter is applied; 0 for not at all.
+/// Number of filter iterations; 0 for no smoothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
 #[schemars(with = "String")]
@@ -59,17 +63,17 @@ pub struct Smoothing(u32);
 impl Smoothing {
     /// The map as measured.
     pub const NONE: Self = Self(0);
-    /// Ten rounds: removes scratches and noise, keeps what varies (2018 paper, Fig. 18c).
+    /// Ten iterations: removes scratches and noise, keeps gradual changes (2018 paper, Fig. 18c).
     pub const LIGHT: Self = Self(10);
-    /// Fifty rounds: regions become even (2018 paper, Fig. 18d).
+    /// Fifty iterations: regions become uniform (2018 paper, Fig. 18d).
     pub const STRONG: Self = Self(50);
 
-    /// How often the filter is applied.
+    /// Number of iterations.
     pub fn rounds(self) -> u32 {
         self.0
     }
 
-    /// The smoothing that reaches as far in a map of which each pixel stands for `step` × `step` of these.
+    /// The smoothing of equal reach on the sample for a map in which each pixel represents `step` × `step` pixels.
     pub(crate) fn coarser(self, step: usize) -> Self {
         let areas = step.saturating_mul(step).min(MOST as usize).max(1) as u32;
         if self == Self::NONE { self } else { Self((self.0 / areas).max(1)) }
@@ -123,8 +127,8 @@ impl fmt::Display for Smoothing {
     }
 }
 
-/// The orientations (rad, NaN where masked) of a smoothed map, for pictures: without σ, which takes half of [`smooth`]'s time
-/// and most of its memory. Needs 28 bytes per pixel meanwhile.
+/// Orientations (rad, NaN where masked) of a smoothed map, for pictures: without σ, which takes half of [`smooth`]'s
+/// time and most of its memory. Needs 28 bytes per pixel temporarily.
 ///
 /// # Errors
 /// `Cancelled`.
@@ -136,9 +140,9 @@ pub fn smoothed_orientation(map: &OrientationMaps, smoothing: Smoothing, progres
     Ok(field.pixels().map(|[c, s, weight, ..]| orientation(c, s, weight)).collect())
 }
 
-/// The smoothed map with its σ (rad). The mask stays as it is. `correlated` is how much larger the variance of a mean over
-/// many pixels is than the pixels' σ say (1 for independent ones), because photographs were resampled. Needs 92 bytes per pixel
-/// meanwhile.
+/// The smoothed map with its σ (rad). The mask is unchanged. `correlated` is the ratio of the variance of a mean over
+/// many pixels to that expected from the pixels' σ (1 for independent ones), due to resampled photographs. Needs 92
+/// bytes per pixel temporarily.
 ///
 /// # Errors
 /// `Cancelled`.

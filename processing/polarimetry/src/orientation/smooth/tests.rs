@@ -29,7 +29,7 @@ fn rounds(n: u32) -> Smoothing {
     n.to_string().parse().unwrap()
 }
 
-/// Root mean square over pixels and repeats: scatter about the truth, and the σ stated, where `counts`.
+/// Root mean square over pixels and repeats, where `counts` holds: scatter about the truth, and the predicted σ.
 fn scatter_and_sigma(
     truth: impl Fn(usize, usize) -> f32 + Copy,
     sigma: impl Fn(usize, usize) -> f32 + Copy,
@@ -38,7 +38,7 @@ fn scatter_and_sigma(
     counts: impl Fn(usize, usize) -> bool,
 ) -> (f64, f64) {
     let (mut scatter, mut stated, mut n) = (0.0, 0.0, 0.0);
-    // What the filter makes of the truth itself is no noise.
+    // Changes of the noise-free map by the filter are not noise.
     let mut clean = noisy(truth, |_, _| 0.0, 0);
     clean.sigma = noisy(truth, sigma, 0).sigma;
     let clean = smooth(&clean, smoothing, 1.0, &Silent).unwrap();
@@ -53,13 +53,15 @@ fn scatter_and_sigma(
     ((scatter / n).sqrt(), (stated / n).sqrt())
 }
 
-/// The stated σ is the scatter of repeated noise, within 10 % in an even region with its borders and 20 % beside an edge.
+/// The predicted σ matches the scatter of repeated noise, within 10 % in a uniform region with its borders and 20 %
+/// beside an edge.
 #[test]
 fn sigma_is_the_scatter_of_repeats() {
     for (n, repeats) in [(1, 20), (10, 60), (50, 60)] {
         let (scatter, sigma) = scatter_and_sigma(|_, _| 3.13, |_, _| 0.03, rounds(n), repeats, |_, _| true);
         assert!((sigma / scatter - 1.0).abs() < 0.1, "{n} rounds: σ {sigma} scatter {scatter}");
-        // An even Gaussian of n rounds, each of 4.5 px² (biweight of reach 6): 0.133, 0.042, 0.019; borders have more.
+        // A uniform Gaussian of n iterations, each of 4.5 px² (biweight of radius 6): 0.133, 0.042, 0.019; borders have
+        // more.
         let least = 1.0 / (4.0 * std::f64::consts::PI * 4.5 * f64::from(n)).sqrt();
         assert!((1.0..1.6).contains(&(scatter / 0.03 / least)), "{n} rounds: {scatter}");
     }
@@ -69,7 +71,7 @@ fn sigma_is_the_scatter_of_repeats() {
     assert!((sigma / scatter - 1.0).abs() < 0.2, "at an edge: σ {sigma} scatter {scatter}");
 }
 
-/// Where regions mingle more than a few moments can tell, σ is too small, but by no more than is documented.
+/// Where regions mix in ways that few moments cannot describe, σ is too small, within the documented limit.
 #[test]
 fn sigma_is_a_third_too_small_at_worst() {
     let sparse = |x: usize, y: usize| if normal((x * 91 + y) as u64) > 0.0 { 3.13 } else { f32::NAN };
@@ -90,7 +92,8 @@ fn sigma_is_a_third_too_small_at_worst() {
     }
 }
 
-/// Resampled photographs have noise that neighbours share: σ says so once many pixels are averaged.
+/// Resampled photographs have noise that is correlated between neighbours, which σ includes once many pixels are
+/// averaged.
 #[test]
 fn noise_that_neighbours_share_counts() {
     let map = noisy(|_, _| 1.0, |_, _| 0.03, 1);
@@ -104,7 +107,7 @@ fn errors(map: &[f32], truth: impl Fn(usize, usize) -> f32) -> Vec<f64> {
     (0..SIDE * SIDE).map(error).collect()
 }
 
-/// A tile on another one, 11° to 90° apart: its edges stay to the pixel, and only its corners may go.
+/// A tile on another one, 11° to 90° apart: its edges are preserved to the pixel; only its corners may change.
 #[test]
 fn edges_stay() {
     for (apart, sigma) in [(0.2_f32, 0.005), (0.5, 0.03), (0.8, 0.03), (1.57, 0.03), (1.57, 0.1)] {
@@ -127,7 +130,7 @@ fn edges_stay() {
     }
 }
 
-/// Wild pixels, alone or in pairs, are replaced by what is around them.
+/// Outliers, alone or in pairs, are replaced by their surroundings.
 #[test]
 fn salt_is_removed() {
     let truth = |x: usize, y: usize| 0.01 * (x + y) as f32;
@@ -143,7 +146,7 @@ fn salt_is_removed() {
     assert!(worst < 0.03, "{worst}");
 }
 
-/// Masked pixels stay masked, keep their σ and change nothing around them.
+/// Masked pixels stay masked, keep their σ and do not affect their neighbours.
 #[test]
 fn the_mask_is_respected() {
     let masked = |x: usize, y: usize| (x / 7 + y / 5).is_multiple_of(3);
@@ -159,7 +162,7 @@ fn the_mask_is_respected() {
     }
 }
 
-/// Orientations about 0° are averaged across 180°; and an image narrower than the window is no problem.
+/// Orientations about 0° are averaged across 180°; an image narrower than the window is permitted.
 #[test]
 fn orientations_wrap() {
     let map = noisy(|_, _| 0.0, |_, _| 0.05, 4);
@@ -176,7 +179,7 @@ fn orientations_wrap() {
     assert!(found.sigma.iter().all(|s| (s / 0.0707 - 1.0).abs() < 0.05), "{:?}", found.sigma);
 }
 
-/// Reliable pixels count more than doubtful ones.
+/// Reliable pixels have larger weights.
 #[test]
 fn reliable_pixels_lead() {
     let odd = |x: usize| x % 2 == 1;

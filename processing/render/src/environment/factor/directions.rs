@@ -3,34 +3,35 @@
 use super::super::Table;
 use std::f64::consts::PI;
 
-/// Angles that are tried, over half a turn.
+/// Number of tested angles over 180°.
 const ANGLES: usize = 720;
 
-/// Entries around the zero order that are left out.
+/// Radius around the zero order that is excluded, in table entries.
 const MIRROR: f64 = 5.0;
 
-/// A profile whose largest value is less than this times its median has no direction.
+/// Contrast (maximum over median of the profile) below which a pattern has no main direction.
 const ROUND: f64 = 1.3;
 
-/// A direction counts as main from this part of the height between median and largest on.
+/// Height of a main direction's peak, as a fraction of the range from median to maximum.
 const MAIN: f64 = 0.5;
 
-/// Main directions are at least so far apart, in angles that are tried (10°).
+/// Minimum separation of main directions, in steps of the tested angles (10°).
 const APART: usize = 40;
 
-/// What a pattern looks like.
+/// Directions of a pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pattern {
-    /// The two directions with the most light along rays through the zero order, at least the wanted angle apart, radians.
+    /// The two directions with the most light along rays through the zero order, separated by at least the minimum
+    /// angle, radians.
     pub pair: [f64; 2],
-    /// Every direction that stands out, the brightest first.
+    /// All main directions, the brightest first.
     pub main: Vec<f64>,
-    /// Largest over median light along a ray.
+    /// Maximum over median of the light along rays.
     pub contrast: f64,
 }
 
 impl Pattern {
-    /// Looks for directions at least `apart` (radians) from each other.
+    /// Finds directions separated by at least `apart` (radians).
     pub(super) fn of(table: &Table, apart: f64) -> Self {
         let profile = smoothed(&(0..ANGLES).map(|k| ray(table, angle(k))).collect::<Vec<f64>>());
         let mut sorted = profile.clone();
@@ -53,7 +54,7 @@ impl Pattern {
         let first = peaks.first().copied().unwrap_or(0);
         let other = (least..=ANGLES - least).map(|d| (first + d) % ANGLES);
         let second = other.max_by(|a, b| profile[*a].total_cmp(&profile[*b])).unwrap_or((first + ANGLES / 2) % ANGLES);
-        // Without a second direction that stands out, the two are best at right angles.
+        // Without a second main direction, perpendicular directions are the best choice.
         let stands_out = peaks.contains(&second);
         let second = if stands_out { refined(&profile, second) } else { refined(&profile, first) + 0.5 * PI };
         let main = peaks.iter().map(|k| refined(&profile, *k)).collect();
@@ -65,7 +66,7 @@ fn angle(k: usize) -> f64 {
     PI * k as f64 / ANGLES as f64
 }
 
-/// Light along a ray in both senses, of the channel in the middle of the spectrum.
+/// Light along a line through the zero order, in the green channel.
 fn ray(table: &Table, angle: f64) -> f64 {
     let (sin, cos) = angle.sin_cos();
     let cell = table.cell();
@@ -74,13 +75,13 @@ fn ray(table: &Table, angle: f64) -> f64 {
     (0..steps).map(|k| k as f64 * cell).filter(|r| *r >= MIRROR * cell).map(|r| f64::from(both(r).max(0.0))).sum()
 }
 
-/// Means over three angles, three times.
+/// Moving average over three angles, applied three times.
 fn smoothed(profile: &[f64]) -> Vec<f64> {
     let n = profile.len();
     (0..3).fold(profile.to_vec(), |p, _| (0..n).map(|k| (p[(k + n - 1) % n] + p[k] + p[(k + 1) % n]) / 3.0).collect())
 }
 
-/// The top of the parabola through a peak and its neighbours.
+/// Vertex of the parabola through a peak and its neighbours.
 fn refined(profile: &[f64], k: usize) -> f64 {
     let [a, b, c] = [k + ANGLES - 1, k, k + 1].map(|k| profile[k % ANGLES]);
     let curve = a - 2.0 * b + c;

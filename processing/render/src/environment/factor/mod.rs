@@ -1,5 +1,6 @@
-//! Tables of low rank (2017 CVMP, section 4), done right: straightened, with (1 + ωi·ωo)² and the Jacobian folded in before the
-//! factorisation, and with as many intermediate pictures as terms.
+//! Low-rank factorisation of lookup tables (2017 CVMP, section 4) in straightened coordinates. The factor (1 + ωi·ωo)²
+//! and the Jacobian are included before the factorisation, and two-pass rendering uses one intermediate picture per
+//! term.
 
 mod directions;
 mod operation;
@@ -21,26 +22,27 @@ use nacre_base::{Error, Result};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
 
-/// More terms take two passes longer than the exact sum along azimuths takes (1024 × 512, 256² entries: 15).
+/// Number of terms above which two passes take longer than the exact sum along azimuths (measured for 1024 × 512 pixels
+/// and 256² entries: 15).
 const SEPARABLE: usize = 16;
 
-/// Terms by which directions are compared.
+/// Number of terms used to compare directions.
 const FEW: usize = 3;
 
-/// What is asked of a factorisation.
+/// Options of a factorisation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Terms per channel and part; as many as [`Self::max_error`] needs if not said.
+    /// Terms per channel and part; `None` for as many as [`Self::max_error`] requires.
     pub rank: Option<usize>,
-    /// Largest norm of what is left out, over the table's.
+    /// Largest norm of the residual, relative to the table's norm.
     pub max_error: f64,
-    /// Least angle between the two directions, radians.
+    /// Minimum angle between the two directions, radians.
     pub apart: f64,
-    /// The two directions, radians, instead of those that are found.
+    /// The two directions in radians; `None` to detect them.
     pub directions: Option<[f64; 2]>,
-    /// Parts that are straightened each by itself, one per main direction.
+    /// Number of parts, each straightened separately along one main direction.
     pub parts: usize,
-    /// Which factorisation.
+    /// Kind of factorisation.
     pub kind: Kind,
 }
 
@@ -52,10 +54,10 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Refuses what makes no sense.
+    /// Checks the options.
     ///
     /// # Errors
-    /// `Input`, which names the setting.
+    /// `Input`, which names the option.
     pub fn check(&self) -> Result<()> {
         let bad = |what: &str, problem: String, remedy: String| Err(Error::input(what, problem, remedy));
         if let Some(rank) = self.rank.filter(|r| !(1..=MOST_RANK).contains(r)) {
@@ -80,33 +82,33 @@ impl Settings {
     }
 }
 
-/// A table as a sum of products.
+/// A lookup table as a sum of separable terms.
 #[derive(Clone, Debug)]
 pub struct Factors {
-    /// Parts that add up to it.
+    /// Parts of the table; their sum is the table.
     pub parts: Vec<Part>,
-    /// Terms of each channel that each part keeps.
+    /// Terms per channel of each part.
     pub rank: Vec<usize>,
     pattern: Pattern,
-    /// Error that was asked for, where the number of terms was not.
+    /// Target error, if the rank was not given.
     wanted: Option<f64>,
     measured: Measured,
 }
 
-/// The curves of all parts together against the table.
+/// Error of the sum of all parts against the table.
 #[derive(Clone, Copy, Debug, Default)]
 struct Measured {
-    /// Integral of the squared difference over the solid angle, of all channels.
+    /// Integral of the squared residual over the solid angle, summed over the channels.
     left_out: f64,
     /// Integral of the squared table.
     whole: f64,
 }
 
 impl Factors {
-    /// Factorises; keeps as many terms as the error needs, or [`MOST_RANK`].
+    /// Factorises a table with as many terms as the target error requires, at most [`MOST_RANK`].
     ///
     /// # Errors
-    /// `Input` for settings that make no sense and tables that are dark.
+    /// `Input` for invalid options and for black tables.
     pub fn of(table: &Table, settings: &Settings) -> Result<Self> {
         settings.check()?;
         if table.rgb.as_flattened().iter().all(|v| *v == 0.0) {
@@ -124,7 +126,7 @@ impl Factors {
         };
         let norm: [f64; 3] = [0, 1, 2].map(|c| parts.iter().map(|p| p.norm[c].powi(2)).sum::<f64>().sqrt());
         let enough = |part: &Part| {
-            // What parts leave out adds up at worst.
+            // In the worst case the residuals of the parts add up.
             let allowed = |c: usize| settings.max_error * norm[c] / parts.len() as f64;
             (1..part.terms()).find(|r| (0..3).all(|c| part.left_out(c, *r) <= allowed(c))).unwrap_or(part.terms())
         };
@@ -136,14 +138,15 @@ impl Factors {
         Ok(Self { parts, rank, pattern, wanted, measured })
     }
 
-    /// The table as one part.
+    /// The table as a single part.
     fn whole(table: &Table, settings: &Settings, pattern: &Pattern, most: usize) -> Part {
         let along = |directions| Part::new(table, directions, settings.kind, most, |_| 1.0);
-        // Spots of a lattice may be brightest along its diagonals: those that leave less out are its directions.
+        // A lattice of spots may be brightest along its diagonals. Of both pairs of directions, the one with the
+        // smaller residual is used.
         let [a, b] = pattern.pair;
         let between = [0.5 * (a + b), 0.5 * (a + b) + FRAC_PI_2].map(|angle| angle.rem_euclid(PI));
         let given = settings.directions.unwrap_or(pattern.pair);
-        // A line lies along the first direction.
+        // A line factorisation lies along the first direction.
         if settings.directions.is_some() || settings.kind == Kind::Line {
             return along(given);
         }
@@ -155,7 +158,7 @@ impl Factors {
         if left(&second) < left(&first) { second } else { first }
     }
 
-    /// The same with at most `rank` terms per channel and part.
+    /// Truncates to at most `rank` terms per channel and part.
     #[must_use]
     pub fn truncated(&self, table: &Table, rank: usize) -> Self {
         let parts: Vec<Part> = self.parts.iter().map(|p| p.truncated(rank)).collect();
@@ -166,20 +169,20 @@ impl Factors {
         Self { parts, rank, measured, pattern: self.pattern.clone(), wanted: None }
     }
 
-    /// Whether the error that was asked for is missed.
+    /// Whether the target error is exceeded.
     pub fn missed(&self) -> bool {
         self.wanted.is_some_and(|wanted| self.error() > wanted)
     }
 
-    /// Whether so few terms do that two passes are the method of choice.
+    /// Whether the rank is low enough that two passes are the fastest method.
     pub fn separable(&self) -> bool {
         self.rank.iter().sum::<usize>() <= SEPARABLE && !self.missed()
     }
 }
 
 impl Measured {
-    /// Measures what the parts' curves add up to. Near its direction a part is read at its own cells, where it needs no interpolation,
-    /// and the others between theirs.
+    /// Measures the residual of the sum of all parts. Near its direction a part is read at its own cells, which needs
+    /// no interpolation; the other parts are interpolated.
     fn of(table: &Table, parts: &[Part], directions: &[f64]) -> Self {
         let column = |(k, i): (usize, usize)| {
             let grid = &parts[k].grid;
@@ -189,7 +192,7 @@ impl Measured {
                 let truth = entry.map_or([0.0; 3], |(h, square)| table.at(h).map(|v| f64::from(v) * square));
                 let share = match (directions, entry) {
                     ([], _) => 1.0,
-                    // Outside of the table there is no light, and which part ends up there does not matter.
+                    // Outside the table all light is zero, so the assignment to a part is irrelevant.
                     (_, None) => 1.0,
                     (directions, Some((h, _))) => parts::share(directions, k, h),
                 };
@@ -205,7 +208,7 @@ impl Measured {
         };
         let columns: Vec<(usize, usize)> =
             parts.iter().enumerate().flat_map(|(k, p)| (0..p.grid.size[0]).map(move |i| (k, i))).collect();
-        // In order, so that the sum is the same every time.
+        // Summed in a fixed order, for reproducible results.
         let sums: Vec<Self> = columns.into_par_iter().map(column).collect();
         let add = |a: Self, b: &Self| Self { left_out: a.left_out + b.left_out, whole: a.whole + b.whole };
         sums.iter().fold(Self::default(), add)

@@ -1,4 +1,4 @@
-//! The operation `factor`: a table in, its factors out.
+//! The operation `factor`: factorises a lookup table.
 
 use super::{Factors, Kind, MOST_RANK, Report, Settings};
 use crate::environment::passes::{clamped, two_pass};
@@ -14,10 +14,10 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Columns of the environment in which the error of the picture is measured.
+/// Columns of the environment in which the picture error is measured.
 const TRIAL: usize = 512;
 
-/// Seconds and bytes that this takes.
+/// Time (s) and memory (bytes) of that measurement.
 const TRIAL_S: f64 = 13.0;
 const TRIAL_BYTES: u64 = 120 << 20;
 
@@ -40,31 +40,33 @@ the table separates at all, and which method to use if not. `nacre render` takes
 material's table (nacre schema scene)."
 ))]
 pub struct Options {
-    /// Number of terms per channel and part (default: as many as the error needs).
+    /// Number of terms per channel and part (default: as many as the error requires).
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 96))]
     pub rank: Option<usize>,
-    /// Largest error of the table, root mean square over its own; without effect where the rank is given.
+    /// Largest error of the table: root mean square of the residual over that of the table. No effect if the rank is
+    /// given.
     #[schemars(extend("x-placeholder" = "REL"), range(min = 1e-6, max = 1.0))]
     pub max_error: f64,
-    /// Factorisation: singular (singular vectors, the least error), nonnegative (no negative light anywhere) or line (one curve along the
-    /// first direction, for gratings and discs).
+    /// Factorisation: singular (singular vectors, least error), nonnegative (non-negative terms) or line (one curve
+    /// along the first direction, for gratings and discs).
     pub kind: Kind,
     /// Number of parts of the table, one along each main direction.
     #[schemars(range(min = 1, max = 6))]
     pub parts: usize,
-    /// The two directions in degrees, anticlockwise from the right, instead of those that are found; the second lies along the meridians.
+    /// The two directions in degrees, anticlockwise from the right, instead of detected ones; the second lies along the
+    /// meridians.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true, "x-placeholder" = "A,B"))]
     pub directions_deg: Option<[f64; 2]>,
-    /// Least angle between the two directions in degrees.
+    /// Minimum angle between the two directions in degrees.
     #[schemars(extend("x-advanced" = true), range(min = 2.0, max = 90.0))]
     pub min_angle_deg: f64,
-    /// Lat-long environment (EXR or HDR) in which the error of a picture is measured.
+    /// Lat-long environment (EXR or HDR) in which the picture error is measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-file" = true))]
     pub environment: Option<PathBuf>,
-    /// Layer, view or part of an OpenEXR environment that has several pictures.
+    /// Layer, view or part of an OpenEXR environment that contains several pictures.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub layer: Option<String>,
@@ -121,7 +123,7 @@ impl Operation for Options {
     }
 }
 
-/// The table: the input, or `lut.exr` in it.
+/// Path of the table: the input, or `lut.exr` in it.
 fn table_in(input: &Path) -> Result<PathBuf> {
     let path = if input.is_dir() { input.join("lut.exr") } else { input.to_owned() };
     if path.is_file() {
@@ -142,9 +144,10 @@ impl Options {
         }
     }
 
-    /// Time, memory and disk, by the header of the table; the reader refuses one that is not understood. Measured at 256² to 1024² entries.
+    /// Time, memory and disk space, from the header of the table; the reader refuses invalid headers. Measured for 256²
+    /// to 1024² entries.
     fn work(&self, table: &Path) -> Work {
-        /// Seconds for each entry of the table: in one part, in several, as one curve.
+        /// Seconds per table entry: in one part, in several parts, as one curve.
         const EACH_S: [f64; 3] = [2.4e-6, 7.4e-6, 0.4e-6];
         let entries: usize = nacre_image::size(table).map_or(0, |[width, height]| width * height);
         let each = match (self.kind, self.parts) {
@@ -163,7 +166,7 @@ impl Options {
     }
 }
 
-/// Error of the picture against one with all terms, and how negative it gets.
+/// Error of the picture against one with all terms, and its most negative value.
 fn measured(
     factors: &Factors,
     table: &Table,
@@ -182,8 +185,8 @@ fn measured(
 }
 
 impl Factors {
-    /// The reflection of an environment by all parts together. Each part has a meridian of its own, so that this is what surfaces facing
-    /// the middle of the picture, upright in it, reflect; towards the poles of the parts they turn.
+    /// Reflection of an environment by all parts. Each part has another meridian. The result is therefore valid for
+    /// surfaces that face the centre of the picture and stand upright in it; towards the poles of the parts they turn.
     ///
     /// # Errors
     /// As [`two_pass`].
@@ -223,7 +226,7 @@ impl Factors {
         write_png8(&folder.path("factors.png"), 2 * table.size, table.size, 3, &self.picture(table))
     }
 
-    /// The table, and beside it the sum of its terms; what is folded in is taken out again.
+    /// The table next to the sum of its terms, both divided by the included geometric factors.
     fn picture(&self, table: &Table) -> Vec<u8> {
         let n = table.size;
         let mut light: Vec<f32> = table.rgb.iter().map(|p| p[1]).filter(|v| *v > 0.0).collect();

@@ -1,4 +1,4 @@
-//! A table as a sum of straightened parts, each a sum of products.
+//! A lookup table as a sum of straightened parts, each a sum of separable terms.
 
 use super::super::Table;
 use super::straight::Grid;
@@ -9,54 +9,54 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Most terms of a part.
+/// Maximum number of terms of a part.
 pub const MOST_RANK: usize = 96;
 
-/// How sharply light between the directions of several parts is split among them.
+/// Sharpness exponent of the split of light between the directions of several parts.
 const SPLIT: i32 = 16;
 
-/// Which factorisation.
+/// Kind of factorisation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[schemars(rename = "FactorKind")]
 pub enum Kind {
-    /// Singular vectors: the least error at any rank; sums of few terms may be negative.
+    /// Singular vectors: least error at any rank; partial sums may be negative.
     #[default]
     Singular,
-    /// No term is negative anywhere.
+    /// Non-negative terms.
     Nonnegative,
-    /// Singular vectors along the first direction alone, with all light across it moved onto it: a grating.
+    /// Singular vectors along the first direction only, with all light projected onto it: a grating.
     Line,
 }
 
-/// A term of a channel: `along(β) · across(x)`.
+/// A separable term of a channel: `along(β) · across(x)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
     /// Singular value, or norm.
     pub sigma: f64,
-    /// One per column of the grid.
+    /// One value per column of the grid.
     pub across: Vec<f32>,
-    /// One per row of the grid.
+    /// One value per row of the grid.
     pub along: Vec<f32>,
 }
 
 /// A straightened part of a table.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// Where its curves are sampled.
+    /// Sampling grid of its curves.
     pub grid: Grid,
-    /// Terms of each channel, the most important first.
+    /// Terms of each channel, by decreasing singular value or norm.
     pub channels: [Vec<Term>; 3],
     /// Norm of each channel before the factorisation.
     pub norm: [f64; 3],
-    /// Sum of each channel over the solid angle.
+    /// Integral of each channel over the solid angle.
     pub albedo: [f64; 3],
-    /// Norm of what the first 0, 1, … terms of each channel leave out.
+    /// Residual norm after the first 0, 1, … terms of each channel.
     left_out: [Vec<f64>; 3],
 }
 
 impl Part {
-    /// Factorises the part of a table that `weight` (of the half vector) picks.
+    /// Factorises the part of a table selected by `weight` (of the half vector).
     pub(super) fn new(
         table: &Table,
         directions: [f64; 2],
@@ -86,7 +86,7 @@ impl Part {
         Self { grid, channels, norm, albedo, left_out }
     }
 
-    /// Of curves on a grid, measured against the part of a table that `weight` picks.
+    /// A part from given curves, measured against the part of a table selected by `weight`.
     pub(super) fn of_curves(
         table: &Table,
         grid: Grid,
@@ -102,7 +102,8 @@ impl Part {
         Self { grid, channels, norm, albedo, left_out }
     }
 
-    /// Singular vectors of a kernel on a grid: at most `most` terms, and no more than leave `max_error` of each channel's norm out.
+    /// Singular vectors of a kernel on a grid: at most `most` terms, and no more than a residual of `max_error` of each
+    /// channel's norm requires.
     pub(super) fn of_kernel(grid: Grid, kernel: [Vec<f64>; 3], most: usize, max_error: f64) -> Self {
         let [columns, rows] = grid.size;
         let [dx, dy] = grid.cell();
@@ -118,13 +119,13 @@ impl Part {
         part.truncated(rank)
     }
 
-    /// Value at a half vector of the table, interpolated between cells; none outside of the grid.
+    /// Value at a half vector of the table, interpolated between cells; zero outside the grid.
     pub(crate) fn value(&self, h: [f64; 2]) -> [f64; 3] {
         let gain = (1.0 + (1.0 - h[0] * h[0] - h[1] * h[1]).max(0.0).sqrt()).powi(2);
         [0, 1, 2].map(|c| self.between(c, h) / gain)
     }
 
-    /// The part of a surface whose bitangent points the other way: across the meridian it is the mirror image.
+    /// The part for a reversed bitangent: its mirror image across the meridian.
     pub fn mirrored(&self) -> Self {
         let mut part = self.clone();
         part.grid.shear = -part.grid.shear;
@@ -132,12 +133,12 @@ impl Part {
         part
     }
 
-    /// Terms of the channel that has the most.
+    /// Largest number of terms over the channels.
     pub fn terms(&self) -> usize {
         self.channels.iter().map(Vec::len).max().unwrap_or(0)
     }
 
-    /// Norm of what the first `rank` terms of a channel leave out, as the curves are written.
+    /// Residual norm of a channel after its first `rank` terms, as the curves are written.
     pub fn left_out(&self, channel: usize, rank: usize) -> f64 {
         let left = &self.left_out[channel];
         left.get(rank).or(left.last()).copied().unwrap_or(self.norm[channel])
@@ -150,8 +151,8 @@ impl Part {
         part
     }
 
-    /// What the passes of the paper make of it (2017 CVMP, Eq. 10 and 11): both sum over the terms, so that all products of different
-    /// terms come in, and what is left is one product.
+    /// Result of the passes as printed in the paper (2017 CVMP, Eq. 10 and 11). Both passes sum over the terms, so
+    /// products of different terms contribute, and the result has rank one.
     pub fn as_printed(&self) -> Self {
         let sum = |curves: Vec<&Vec<f32>>| {
             let n = curves.first().map_or(0, |c| c.len());
@@ -170,8 +171,8 @@ impl Part {
         part
     }
 
-    /// Value of a channel at a half vector of the table, times (1 + ωi·ωo)², interpolated between the centres of cells; outside of
-    /// the grid there is none.
+    /// Value of a channel at a half vector of the table, times (1 + ωi·ωo)², interpolated between cell centres; zero
+    /// outside the grid.
     pub(super) fn between(&self, channel: usize, h: [f64; 2]) -> f64 {
         let Some((place, _)) = self.grid.position(h) else { return 0.0 };
         let [(i, u), (j, v)] = [0, 1].map(|k| {
@@ -192,8 +193,8 @@ impl Part {
     }
 }
 
-/// Norm of what the first 0, 1, … terms leave out of a matrix. The products of a non-negative factorisation are not orthogonal, and
-/// a line is no projection, so that norms of terms do not tell.
+/// Residual norms of a matrix after the first 0, 1, … terms. They cannot be computed from the norms of the terms:
+/// non-negative terms are not orthogonal, and a line is no orthogonal projection.
 fn left_out(matrix: &DMatrix<f64>, terms: &[Term]) -> Vec<f64> {
     let curves =
         |n: usize, of: fn(&Term) -> &[f32]| DMatrix::from_fn(n, terms.len(), |i, k| f64::from(of(&terms[k])[i]));
@@ -215,7 +216,7 @@ fn term(product: Product) -> Term {
     Term { sigma: product.sigma, across: single(product.right), along: single(product.left) }
 }
 
-/// All light moved onto β = 0, between the two rows there.
+/// All light projected onto β = 0, between the two central rows.
 fn line(matrix: &DMatrix<f64>) -> Product {
     let (rows, columns) = matrix.shape();
     let right: Vec<f64> = (0..columns).map(|i| matrix.column(i).sum()).collect();
@@ -226,14 +227,14 @@ fn line(matrix: &DMatrix<f64>) -> Product {
     Product { sigma, left, right }
 }
 
-/// Share of the light at a half vector that belongs to the `k`-th of several directions; the shares add up to 1.
+/// Share of the light at a half vector that belongs to the `k`-th direction; the shares add up to 1.
 pub(super) fn share(directions: &[f64], k: usize, h: [f64; 2]) -> f64 {
     let near = |direction: f64| (h[1].atan2(h[0]) - direction).cos().powi(2).powi(SPLIT);
     let all: f64 = directions.iter().map(|d| near(*d)).sum();
     near(directions[k]) / all.max(f64::MIN_POSITIVE)
 }
 
-/// Several parts, one per main direction, that add up to the table.
+/// Splits a table into parts, one per main direction, whose sum is the table.
 pub(super) fn split(table: &Table, directions: &[f64], kind: Kind, rank: usize) -> Vec<Part> {
     (0..directions.len())
         .map(|k| {

@@ -1,4 +1,4 @@
-//! What a factorisation says about itself.
+//! Report of a factorisation.
 
 use super::{Factors, Kind, SEPARABLE};
 use crate::environment::Table;
@@ -10,15 +10,15 @@ use std::fmt::Write;
 /// One straightened part.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct PartReport {
-    /// Direction across the meridian and along it, anticlockwise from the table's right.
+    /// Directions across and along the meridian in degrees, anticlockwise from the table's right.
     pub directions_deg: [f64; 2],
     /// Terms of each channel.
     pub rank: usize,
-    /// Norm of what the terms leave out of red, green and blue, over the part's own norm.
+    /// Residual norm of red, green and blue, relative to the part's norm.
     pub error: [f64; 3],
-    /// Largest singular values of green, over the first.
+    /// Largest singular values of green, relative to the first.
     pub singular_values: Vec<f64>,
-    /// Files with the curves.
+    /// Files of the curves.
     pub files: [String; 2],
 }
 
@@ -28,38 +28,38 @@ pub struct PartReport {
 pub struct Report {
     /// `low-rank`.
     pub method: &'static str,
-    /// Which factorisation.
+    /// Kind of factorisation.
     pub kind: Kind,
     /// Entries along a side of the table.
     pub size: usize,
-    /// Largest component of the half vector.
+    /// Largest half-vector component.
     pub extent: f64,
-    /// Directions that stand out, the brightest first.
+    /// Main directions in degrees, the brightest first.
     pub directions_deg: Vec<f64>,
-    /// Largest over median light along a ray through the zero order; below 1.3 a pattern has no direction.
+    /// Maximum over median of the light along lines through the zero order; below 1.3 a pattern has no main direction.
     pub contrast: f64,
     /// `two directions`, `one direction`, `radial` or `three directions or more`.
     pub pattern: &'static str,
-    /// The parts, which add up to the table.
+    /// The parts, whose sum is the table.
     pub parts: Vec<PartReport>,
-    /// Norm of the difference between the table and the sum of all written terms, over the table's.
+    /// Norm of the residual after all written terms, relative to the table's norm.
     pub error: f64,
-    /// Largest error of a picture, root mean square over all directions over its mean: that of a single light that is a point. Light from
-    /// all around has less.
+    /// Largest error of a picture: root mean square over all directions, relative to its mean. A single point source
+    /// has this error; environments have a smaller one.
     pub picture_error_point: f64,
-    /// The same, measured in the environment that was given.
+    /// Error of a picture in the given environment.
     pub picture_error: Option<f64>,
-    /// Most negative radiance in that environment, over the largest; it is set to 0.
+    /// Most negative radiance in that environment, relative to the largest; it is clamped to 0.
     pub negative: Option<f64>,
-    /// So few terms do that two passes are the method of choice.
+    /// Whether the rank is low enough that two passes are the fastest method.
     pub separable: bool,
-    /// What to light this table with.
+    /// Recommended method of environment lighting for this table.
     pub advice: String,
-    /// What limits the result.
+    /// Limits of the result.
     pub warnings: Vec<String>,
-    /// What was taken for granted.
+    /// Assumptions.
     pub assumptions: Vec<String>,
-    /// Time it took.
+    /// Computing time in s.
     pub seconds: f64,
 }
 
@@ -88,21 +88,22 @@ impl Summary for Report {
 }
 
 impl Factors {
-    /// Norm of the difference between the table and the sum of all written terms, over the table's.
+    /// Norm of the residual after all written terms, relative to the table's norm.
     pub fn error(&self) -> f64 {
         (self.measured.left_out / self.measured.whole.max(f64::MIN_POSITIVE)).sqrt()
     }
 
-    /// Normalised root mean square error of a picture of a single point-like light, the largest that any environment has (Young's
-    /// inequality: the norm of a convolution is at most one factor's norm times the other's sum).
+    /// Normalised root mean square error of a picture of a single point source. No environment has a larger one
+    /// (Young's inequality: the norm of a convolution is at most the norm of one factor times the L1 norm of the
+    /// other).
     pub fn picture_error_point(&self) -> f64 {
         let light: f64 = self.parts.iter().flat_map(|p| p.albedo).sum();
-        // Over three channels: rms² = ∫ D² dω / (3 · 4π), mean = Σ albedo / (3 · 4π), for a light of flux 1.
+        // Over three channels and a light of flux 1: rms² = ∫ D² dω / (3 · 4π), mean = Σ albedo / (3 · 4π).
         let sphere = 3.0 * 4.0 * std::f64::consts::PI;
         (self.measured.left_out / sphere).sqrt() / (light / sphere).max(f64::MIN_POSITIVE)
     }
 
-    /// The report, but for what is measured.
+    /// The report without the measured errors.
     pub(in crate::environment) fn report(&self, table: &Table, kind: Kind) -> Report {
         let degrees = |v: f64| v.to_degrees().rem_euclid(180.0);
         let parts: Vec<PartReport> = self

@@ -1,23 +1,24 @@
-//! Coordinates in which a pattern's two directions lie along the axes, and two passes over a sphere are exact.
+//! Coordinates in which a pattern's two directions lie along the axes, and in which two passes over a sphere are exact.
 //!
-//! A surface at `r` with `n = ωo = r` (2017 CVMP, section 3.2) sees light from all over the hemisphere around r. Let `b` be north at r and
-//! `e` east. A light `ωi` has the sine x = ωi·e, and lies at the angle β from r towards north, seen along e. Solid angle is `dx dβ` (a sphere
-//! and the cylinder around it have the same area), so that the Jacobian 1/cos θi is in the coordinates. Going β along the meridian first and
-//! then off it by x is exact everywhere, the poles included, because the meridian is a great circle at right angles to one and the same e.
-//! A second direction that is not at right angles to the first shears β by an angle that depends on x only.
+//! A surface at `r` with `n = ωo = r` (2017 CVMP, section 3.2) receives light from the hemisphere around r. Let `b` be
+//! north at r and `e` east. A light `ωi` has the sine x = ωi·e, and lies at the angle β from r towards north, seen
+//! along e. The solid angle is `dx dβ` (a sphere and its circumscribed cylinder have equal areas), so the coordinates
+//! include the Jacobian 1/cos θi. A step by β along the meridian followed by a step by x across it is exact everywhere,
+//! including the poles. The reason is that the meridian is a great circle perpendicular to one fixed e. A second
+//! direction that is not perpendicular to the first shears β by an angle that depends on x only.
 
 use super::super::Table;
 use std::f64::consts::FRAC_PI_2;
 
-/// Most rows of a straightened table.
+/// Maximum number of rows of a straightened table.
 const MOST_ROWS: usize = 4096;
 
 /// Straightened coordinates of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// Direction of the table that lies along the meridian, anticlockwise from its right, radians.
+    /// Direction of the table along the meridian, anticlockwise from its right, radians.
     pub meridian: f64,
-    /// Angle of the other direction from the right angle to it, radians.
+    /// Deviation of the other direction from the perpendicular, radians.
     pub shear: f64,
     /// Largest x and β.
     pub reach: [f64; 2],
@@ -26,11 +27,11 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// For a table and its two directions, the first of which is to lie across and the second along the meridian.
+    /// Grid for a table and its two directions: the first lies across the meridian, the second along it.
     pub(super) fn new(table: &Table, [across, along]: [f64; 2]) -> Self {
         let (sin, cos) = along.sin_cos();
         let (u, v) = (across.cos() * sin - across.sin() * cos, across.cos() * cos + across.sin() * sin);
-        // The same line in the other sense, if it points west.
+        // The opposite sense of the same line, if it points west.
         let shear = if u < 0.0 { (-v).atan2(-u) } else { v.atan2(u) };
         let reach = (table.extent * (sin.abs() + cos.abs())).min(0.999);
         let mut grid = Self { meridian: along, shear, reach: [reach, FRAC_PI_2], size: [table.size, 2] };
@@ -45,17 +46,17 @@ impl Grid {
         grid
     }
 
-    /// Direction of the table that lies across the meridian, anticlockwise from its right, radians.
+    /// Direction of the table across the meridian, anticlockwise from its right, radians.
     pub fn across(&self) -> f64 {
         self.meridian - FRAC_PI_2 + self.shear
     }
 
-    /// Middle of a column.
+    /// Centre of a column.
     pub fn x(&self, i: usize) -> f64 {
         self.reach[0] * ((2.0 * i as f64 + 1.0) / self.size[0] as f64 - 1.0)
     }
 
-    /// Middle of a row.
+    /// Centre of a row.
     pub fn beta(&self, j: usize) -> f64 {
         self.reach[1] * ((2.0 * j as f64 + 1.0) / self.size[1] as f64 - 1.0)
     }
@@ -65,13 +66,13 @@ impl Grid {
         [0, 1].map(|k| 2.0 * self.reach[k] / self.size[k] as f64)
     }
 
-    /// How far β is sheared at x: a great circle that leaves the meridian at the shear's angle has come so far along it.
+    /// Shear of β at x: the distance along the meridian covered by a great circle that leaves it at the shear angle.
     pub fn lean(&self, x: f64) -> f64 {
         let sine = (x / self.shear.cos()).clamp(-0.999, 0.999);
         (sine / (1.0 - sine * sine).sqrt() * self.shear.sin()).atan()
     }
 
-    /// Half vector of the table and cosine of the light's angle.
+    /// Half vector of the table, and cosine of the angle of incidence.
     pub(super) fn half(&self, x: f64, beta: f64) -> ([f64; 2], f64) {
         let (s, c) = self.meridian.sin_cos();
         let across = (1.0 - x * x).sqrt();
@@ -80,7 +81,7 @@ impl Grid {
         ([x * s + y * c, y * s - x * c], across * cos)
     }
 
-    /// Place of a half vector in cells from the corner of the grid, and the cosine of the light's angle.
+    /// Position of a half vector in cells from the corner of the grid, and the cosine of the angle of incidence.
     pub(super) fn position(&self, h: [f64; 2]) -> Option<([f64; 2], f64)> {
         let (s, c) = self.meridian.sin_cos();
         let (x, y) = (h[0] * s - h[1] * c, h[0] * c + h[1] * s);
@@ -94,7 +95,7 @@ impl Grid {
         Some(([place(x, 0)?, place(beta, 1)?], z))
     }
 
-    /// Half vector of a cell, and the square of 1 + ωi·ωo there; none where the table has no light from.
+    /// Half vector of a cell, and (1 + ωi·ωo)² there; `None` where the table has no incident direction.
     pub(super) fn entry(&self, table: &Table, i: usize, j: usize) -> Option<([f64; 2], f64)> {
         let (x, beta) = (self.x(i), self.beta(j));
         let (h, z) = self.half(x, beta);
@@ -102,7 +103,8 @@ impl Grid {
         inside.then(|| (h, (1.0 + z).powi(2)))
     }
 
-    /// Radiance that a light of radiance 1 per unit of x and β adds, times `weight` of the half vector; one column after the other.
+    /// Reflected radiance per unit of x and β for incident radiance 1, times `weight` of the half vector; column by
+    /// column.
     pub(super) fn kernel(&self, table: &Table, weight: impl Fn([f64; 2]) -> f64) -> [Vec<f64>; 3] {
         let [columns, rows] = self.size;
         let mut kernel: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(columns * rows));

@@ -1,27 +1,27 @@
-//! Low rank approximations of matrices.
+//! Low-rank approximation of matrices.
 
 use nacre_base::random::Stream;
 use nalgebra::DMatrix;
 
-/// How many more columns than terms the sketch has, and how often it is sharpened (Halko, Martinsson and Tropp 2011, section 4.5).
+/// Oversampling of the sketch, and number of power iterations (Halko, Martinsson and Tropp 2011, section 4.5).
 const MORE: usize = 12;
 const SHARPENED: usize = 3;
 
-/// Updates of a non-negative factorisation.
+/// Number of updates of a non-negative factorisation.
 const UPDATES: usize = 300;
 
-/// `left · rightᵀ`, both scaled by the root of the singular value.
+/// `left · rightᵀ`, both scaled by the square root of the singular value.
 pub(super) struct Product {
     /// Singular value.
     pub sigma: f64,
-    /// One per row.
+    /// One value per row.
     pub left: Vec<f64>,
-    /// One per column.
+    /// One value per column.
     pub right: Vec<f64>,
 }
 
-/// The largest singular values and their vectors, by a randomised sketch that is the same every time. The sum over `right` is not negative,
-/// so that signs are always the same.
+/// The largest singular values and their vectors, by a randomised sketch with a fixed seed. The sum over `right` is
+/// non-negative, which fixes the signs.
 pub(super) fn decompose(matrix: &DMatrix<f64>, most: usize) -> Vec<Product> {
     let (rows, columns) = matrix.shape();
     let width = (most + MORE).min(rows).min(columns);
@@ -32,7 +32,7 @@ pub(super) fn decompose(matrix: &DMatrix<f64>, most: usize) -> Vec<Product> {
         let back = matrix.tr_mul(&q).qr().q();
         q = (matrix * back).qr().q();
     }
-    // Small: as many rows as the sketch has columns.
+    // A small matrix: as many rows as the sketch has columns.
     let svd = q.tr_mul(matrix).svd(true, true);
     let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return vec![] };
     let left = q * u;
@@ -51,8 +51,8 @@ pub(super) fn decompose(matrix: &DMatrix<f64>, most: usize) -> Vec<Product> {
     order.into_iter().take(most).map(product).collect()
 }
 
-/// Terms without negative values (Lee and Seung 2001, multiplicative updates from the singular vectors' magnitudes). `sigma` is the norm
-/// of a term.
+/// Non-negative terms (Lee and Seung 2001: multiplicative updates, started from the magnitudes of the singular
+/// vectors). `sigma` is the norm of a term.
 pub(super) fn nonnegative(matrix: &DMatrix<f64>, rank: usize) -> Vec<Product> {
     let target = matrix.map(|v| v.max(0.0));
     let start = decompose(&target, rank);

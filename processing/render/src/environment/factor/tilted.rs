@@ -1,23 +1,24 @@
-//! Curves for views off the normal.
+//! Factorisation for views off the normal.
 //!
-//! The paper's passes take n = ωo = r (2017 CVMP, section 3.2). For a surface that is tilted away from the mirror direction r by the angle θ, with the viewer
-//! on its other side at 2θ from r, what a light adds is as well a function of the light's place around r alone: `S(h) (1 + ωi·ωo)²` with the half
-//! vector along the tilted surface. As the pattern stretches and bends little by little, it stays near products of two curves.
+//! The paper's passes assume n = ωo = r (2017 CVMP, section 3.2). Consider a surface tilted from the mirror direction r
+//! by the angle θ, with the viewer on its other side at 2θ from r. Its reflection is also a function of the light's
+//! position around r alone: `S(h) (1 + ωi·ωo)²` with the half vector along the tilted surface. With the tilt the
+//! pattern stretches and bends gradually, so it remains nearly separable.
 
 use super::parts::Part;
 use super::straight::Grid;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Largest tilt, rad: what grazes reflects next to nothing.
+/// Largest tilt in rad: grazing surfaces reflect almost no light.
 const MOST_TILT: f64 = 1.54;
 
-/// Most cells of a grid along x, and along β.
+/// Maximum number of cells along x, and along β.
 const MOST_CELLS: [usize; 2] = [512, 1024];
 
-/// Places along either side in which the reach of a pattern is looked for.
+/// Sampling points along a side in the search for the extent of a pattern.
 const LOOKS: usize = 64;
 
-/// How light falls on a tilted surface.
+/// Geometry of reflection at a tilted surface.
 struct Tilt {
     sin: f64,
     cos: f64,
@@ -33,7 +34,8 @@ impl Tilt {
         Self { sin, cos, towards }
     }
 
-    /// Half vector along the surface, east and north, and `(1 + ωi·ωo)²` of a light, east, north and towards r; none below the surface.
+    /// Half vector along the surface (east, north), and `(1 + ωi·ωo)²` for a light (east, north, towards r); `None`
+    /// below the surface.
     fn of(&self, [x, y, z]: [f64; 3]) -> Option<([f64; 2], f64)> {
         let Self { sin, cos, towards } = *self;
         let along = x * towards[0] + y * towards[1];
@@ -48,9 +50,10 @@ impl Tilt {
 }
 
 impl Part {
-    /// Curves of the same directions for surfaces that are tilted from the mirror direction towards the viewer: by the length of `tilt` (rad), towards
-    /// its direction, east and north. `value` is the table at a half vector. At most `most` terms, and no more than leave `max_error` out;
-    /// cells are at least as wide as `least_cell` (rad).
+    /// Factorises the pattern of surfaces tilted from the mirror direction towards the viewer, with the same
+    /// directions. The length of `tilt` is the angle (rad), its direction is given east and north. `value` is the table
+    /// at a half vector. There are at most `most` terms, and no more than a residual of `max_error` requires. Cells are
+    /// at least `least_cell` (rad) wide.
     pub(crate) fn tilted(
         &self,
         tilt: [f64; 2],
@@ -81,7 +84,7 @@ impl Part {
         Self::of_kernel(grid, kernel, most, max_error)
     }
 
-    /// The grid that holds all of a pattern, with cells as wide as they are, or wider.
+    /// The grid that contains the whole pattern, with cells at least as wide as at present.
     fn reaching(&self, least_cell: f64, inside: impl Fn([f64; 3]) -> bool) -> Grid {
         let mut grid = self.grid.clone();
         let [dx, dy] = grid.cell().map(|cell| cell.max(least_cell));
@@ -102,7 +105,7 @@ impl Part {
     }
 }
 
-/// Direction of a place of the sphere around the mirror direction: east, north and towards it.
+/// Direction of a position on the sphere around the mirror direction: east, north and towards it.
 fn light(x: f64, beta: f64) -> [f64; 3] {
     let across = (1.0 - x * x).sqrt();
     let (sin, cos) = beta.sin_cos();

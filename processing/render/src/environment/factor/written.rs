@@ -1,4 +1,4 @@
-//! Reads the curves that `nacre factor` wrote.
+//! Reads curves written by `nacre factor`.
 
 use super::directions::Pattern;
 use super::{Factors, Grid, MOST_RANK, Measured, Part, Term};
@@ -8,23 +8,25 @@ use nacre_image::{ExrMap, read_exr, size};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
 use std::path::Path;
 
-/// Most parts of a folder, as [`Settings`](super::Settings) allow.
+/// Maximum number of parts in a folder, as in [`Settings`](super::Settings).
 const MOST_PARTS: usize = 6;
 
-/// Most samples of a curve: the most entries that a table has along a side, and one more for an odd number.
+/// Maximum number of samples of a curve: the largest number of table entries along a side, plus one for an odd number.
 const MOST_SAMPLES: usize = 4097;
 
-/// Largest angle between the second direction and the right angle to the first, rad (the least angle between two directions is 10°).
+/// Largest angle in rad between the second direction and the perpendicular to the first (two directions are at least
+/// 10° apart).
 const MOST_SHEAR: f64 = 80.5 * PI / 180.0;
 
 const REMEDY: &str = "give a folder that `nacre factor` wrote, or factor the table again";
 
 impl Factors {
-    /// Reads `part-N-across.exr` and `part-N-along.exr` of a folder, and measures their sum against the table that they are of. Each channel is
-    /// multiplied with `scale`, as the entries of the table have been.
+    /// Reads `part-N-across.exr` and `part-N-along.exr` of a folder, and measures the residual of their sum against the
+    /// given table. Each channel is multiplied by `scale`, as the entries of the table were.
     ///
     /// # Errors
-    /// `Input`, which names the file, for missing parts, sizes and numbers that no factorisation has, and curves that do not explain the table.
+    /// `Input`, which names the file, for missing parts, impossible sizes and numbers, and curves that do not match the
+    /// table.
     pub fn read(folder: &Path, table: &Table, scale: [f64; 3]) -> Result<Self> {
         let file = |k: usize, name: &str| folder.join(format!("part-{k}-{name}.exr"));
         let count = (1..=MOST_PARTS).take_while(|k| file(*k, "across").exists()).count();
@@ -46,7 +48,7 @@ impl Factors {
         let rank = parts.iter().map(Part::terms).collect();
         let measured = Measured::of(table, &parts, &directions);
         let factors = Self { parts, rank, pattern: Pattern::of(table, FRAC_PI_3), wanted: None, measured };
-        // The best curve of any table leaves less out than none.
+        // Even a single optimal curve leaves a residual below the table's norm.
         if factors.error().is_nan() || factors.error() >= 1.0 {
             let problem = format!(
                 "holds curves that are off by {:.0} % of the scene's table: they are of another table, or of --kind line and the table is no line",
@@ -63,7 +65,7 @@ fn part(paths: [&Path; 2], scale: [f64; 3]) -> Result<(Grid, [Vec<Term>; 3])> {
     let refuse = |path: &Path, problem: String| Error::file(path, problem, REMEDY);
     let mut files: Vec<ExrMap> = vec![];
     for path in paths {
-        // By the header, before anything is decoded.
+        // The size is checked in the header, before any data are decoded.
         let [samples, rank] = size(path)?;
         if !(2..=MOST_SAMPLES).contains(&samples) || !(1..=MOST_RANK).contains(&rank) {
             let problem =

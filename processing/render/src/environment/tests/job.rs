@@ -7,7 +7,7 @@ use nacre_image::{Attribute, read_exr, write_exr};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
 
-/// Writes a table as `reconstruct lut` does: its Y is the green of what is read.
+/// Writes a table as `reconstruct lut` does; its Y is read back as green.
 fn write(table: &Table, path: &Path) {
     let attributes = [("extent", Attribute::Text(table.extent.to_string())), ("warp", Attribute::Text("1".into()))];
     let n = table.size;
@@ -36,10 +36,10 @@ fn a_table_is_factorised_into_files() {
     assert_eq!((across.width, across.height), (96, report.parts[0].rank));
     assert!(across.attributes.contains_key("meridian_deg") && out.join("factors.png").exists());
     assert!(std::fs::read_to_string(out.join("report.json")).unwrap().contains("\"low-rank\""));
-    // What is there stays, unless it may be replaced.
+    // Existing results are kept unless `force` is set.
     assert!(factor(&options, false).is_err());
     assert!(factor(&options, true).is_ok());
-    // Of several pictures one is named.
+    // One of several pictures is selected by name.
     let names = ["day.R", "day.G", "day.B", "night.R", "night.G", "night.B"];
     write_exr(&sky, 128, 64, &names, &[], &|c, y, row| light(c % 3, y, row)).unwrap();
     let words = factor(&options, true).unwrap_err().to_string();
@@ -62,7 +62,7 @@ fn bad_input_leaves_nothing_behind() {
     assert!(!out.exists());
 }
 
-/// The curves of the files are the table: `value` is what it was made of.
+/// The curves of the files reproduce the table; `value` is its source.
 #[test]
 fn terms_add_up_to_the_table() {
     let table = lattice(96, 0.7, [0.2, 1.7], 0.17, 0.05);
@@ -77,7 +77,7 @@ fn terms_add_up_to_the_table() {
             whole += truth * truth;
         }
     }
-    // Cells are looked up without interpolation: half of one is off.
+    // Cells are read without interpolation, so positions are off by up to half a cell.
     assert!((square / whole).sqrt() < 0.15, "{}", (square / whole).sqrt());
 }
 
@@ -106,11 +106,11 @@ fn turning_the_light_turns_the_picture() {
     }
 }
 
-/// One part as a reader of the files has it: what they say, and nothing of the program that wrote them.
+/// One part as an independent reader of the files sees it, without the code that wrote them.
 struct Written {
     attributes: [f64; 4],
     size: [usize; 2],
-    /// Rows of terms, of each channel.
+    /// Rows of terms, for each channel.
     curves: [[Vec<f32>; 3]; 2],
 }
 
@@ -123,7 +123,7 @@ impl Written {
         Self { attributes, size, curves: files.map(|mut f| ["R", "G", "B"].map(|c| f.channels.remove(c).unwrap())) }
     }
 
-    /// Sum of the terms at a half vector: of the cell around it, or between cells.
+    /// Sum of the terms at a half vector: of the nearest cell, or interpolated between cells.
     fn at(&self, channel: usize, h: [f64; 2], between: bool) -> f64 {
         let [meridian, shear, reach_x, reach_beta] = self.attributes;
         let ((s, c), shear) = (meridian.to_radians().sin_cos(), shear.to_radians());
@@ -198,10 +198,10 @@ fn errors_are_those_of_the_files() {
         let error = |folder: &Path, between: bool| written_error(folder, options.parts, &read, between);
         let truth = error(&out, between);
         let range = if options.parts > 1 && between {
-            // Parts have no cells in common: the error is that of a reader between the cells of all, of none, or of some of them.
+            // The parts have different grids. The error depends on whether none, some or all of them are interpolated.
             [truth, error(&out, false)]
         } else if between {
-            // A reader between cells adds the error of its interpolation, which is what curves that leave nothing out have.
+            // Interpolation adds the error that curves without truncation have.
             let whole = folder.path().join("whole");
             let all = Options { rank: Some(24), ..usual() };
             let full = perform(&all, &lut, &whole, false, &Silent).unwrap();
@@ -213,18 +213,18 @@ fn errors_are_those_of_the_files() {
         println!("{name}: {}, from the files {range:?}, {:?}", report.error, report.warnings);
         assert_eq!(report.parts.len(), options.parts, "{name}");
         let [low, high] = [range[0].min(range[1]), range[0].max(range[1])];
-        // 15 %: the readings sample the table at other places than the curves were made at.
+        // Tolerance 15 %: the reader samples the table at other positions than the writer.
         assert!((0.85 * low..1.15 * high).contains(&report.error), "{name}: {} {range:?}", report.error);
         let rows = read_exr(&out.join("part-1-across.exr")).unwrap().height;
         assert_eq!(report.parts[0].rank, rows, "{name}");
-        // An error that was asked for and is missed is said.
+        // A missed target error is reported.
         let missed = options.rank.is_none() && report.error > options.max_error;
         assert_eq!(report.warnings.iter().any(|w| w.contains("asked for")), missed, "{name}: {:?}", report.warnings);
         assert!(!missed || !report.separable && report.advice != "two passes", "{name}: {}", report.advice);
     }
 }
 
-/// A grating is a line: its light lies on the two middle rows, and nothing is left out.
+/// A grating is a line: its light lies on the two central rows, and the residual is zero.
 #[test]
 fn a_line_is_right_for_a_grating() {
     let table =
@@ -233,6 +233,6 @@ fn a_line_is_right_for_a_grating() {
     let of = |kind| Factors::of(&table, &Settings { kind, directions: Some([0.0, FRAC_PI_2]), ..Settings::default() });
     let (line, singular) = (of(Kind::Line).unwrap().error(), of(Kind::Singular).unwrap().error());
     println!("line {line}, singular {singular}");
-    // The default asks for 5 %; a line leaves out how its two rows differ (8 %).
+    // The default target is 5 %; the residual of a line is the difference of its two rows (8 %).
     assert!(line < 0.15 && singular < 0.05, "{line} {singular}");
 }

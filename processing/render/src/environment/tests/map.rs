@@ -2,7 +2,7 @@ use crate::environment::Environment;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-/// Something without symmetry: an 18 × 9 picture with a black half and a bright pixel.
+/// A picture without symmetry: 18 × 9 pixels with a black half and a bright pixel.
 fn uneven() -> Environment {
     let at = |i: usize| {
         let (x, y) = (i % 18, i / 18);
@@ -38,7 +38,8 @@ fn density_adds_up_to_one_and_is_what_directions_are_drawn_with() {
             }
         }
         assert!((whole - 1.0).abs() < 1e-12);
-        // Light through a horizontal pane, drawn and summed up: the mean of value over density has no bias, and its spread here is small.
+        // Irradiance of a horizontal plane by sampling and by summation: the mean of value over density is unbiased,
+        // and its variance is small here.
         let (mut drawn, mut count) = (0.0, 0.0);
         // Roberts' sequence fills the square evenly.
         for k in 0..400_000 {
@@ -116,7 +117,7 @@ fn bad_radiance_is_refused_by_name() {
     }
 }
 
-/// Suns beyond the range of half floats, and single pixels that are no number: one of 512.
+/// Suns beyond the range of half floats, and single NaN pixels: one of 512.
 #[test]
 fn a_few_infinities_are_clamped_with_a_warning() {
     let folder = tempfile::tempdir().unwrap();
@@ -140,7 +141,7 @@ fn a_few_infinities_are_clamped_with_a_warning() {
     assert_eq!(Environment::read(&path, None).unwrap().rgb[32 + 7], [1e6; 3]);
 }
 
-/// What the file says about its pixels reaches the environment and its warnings.
+/// Properties of the file's pixels reach the environment and its warnings.
 #[test]
 fn exposure_and_layers_are_read() {
     let folder = tempfile::tempdir().unwrap();

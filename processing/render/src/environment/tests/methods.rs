@@ -53,7 +53,7 @@ fn samples_find_the_full_integral_without_bias() {
             assert!(found.error[c] < 0.05 * truth[c]);
         }
     }
-    // A furnace.
+    // White-furnace test.
     let white = Environment::constant([1.0; 3]);
     let truth = Lights::new(&white, 100).by_table(&table, &frame, frame.normal);
     let found = sampler.reflected(&white, &frame, frame.normal, 100_000, 1).radiance;
@@ -78,10 +78,10 @@ fn filtering_beforehand_is_exact_along_the_normal_only() {
         println!("prefiltered up to {most}: {} corrected {}", of(false), of(true));
         errors.push((of(false), of(true)));
     }
-    // Measured: 0.8 % along the normal, which is the table read between its entries; 3.9 % to 11 degrees.
+    // Measured: 0.8 % along the normal, from the interpolation of the table; 3.9 % up to 11°.
     assert!(errors[0].0 < 0.012 && errors[1].1 < 0.05, "{errors:?}");
     assert!(errors[3].0 > 3.0 * errors[1].0, "{errors:?}");
-    // A furnace along the normal.
+    // White-furnace test along the normal.
     let white = Environment::of(64, 32, vec![[1.0; 3]; 2048]).unwrap();
     let filtered = Environment::of(64, 32, facing(&white, &table, FRAC_PI_2, &Silent).unwrap()).unwrap();
     let truth = Lights::new(&white, 16).by_table(&table, &frame, frame.normal);
@@ -102,7 +102,7 @@ fn gratings_reflect_what_they_get() {
             }
         }
     }
-    // What goes into orders beyond the horizon is lost.
+    // The power of evanescent orders is lost.
     let fine = Grating { period_um: 0.8, depth_um: 0.2, azimuth: 0.4 };
     let (found, _) = fine.reflected(&white, &frame, frame.normal, Steps::Even(5.0)).unwrap();
     assert!(found.iter().all(|v| *v > 0.3 && *v < 0.95), "{found:?}");
@@ -154,12 +154,12 @@ fn lamps_spread_in_the_table_are_the_full_integral() {
     println!("lamps {off}");
     // Measured: 0.28 %.
     assert!(off < 0.004, "{off}");
-    // Without any lamp it is the environment as it was.
+    // Without lamps the environment is unchanged.
     let (none, same) = lamps(&Environment::of(8, 4, vec![[1.0; 3]; 32]).unwrap(), 10.0).unwrap();
     assert!(none.is_empty() && same.rgb == vec![[1.0; 3]; 32]);
 }
 
-/// Times are printed for the record; a debug build is slower than what users run.
+/// Times are printed for the record; a debug build is slower than a release.
 #[test]
 #[ignore = "for the record: run with --ignored --nocapture, with optimisation"]
 fn large_environments_in_time() {

@@ -14,7 +14,7 @@ pub fn random(i: usize) -> f64 {
     ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// A sky, a floor, and a few lamps of a few degrees.
+/// A sky, a floor, and several lamps of a few degrees.
 pub fn room(width: usize) -> Environment {
     let height = width / 2;
     let blank = Environment::of(width, height, vec![[0.0; 3]; width * height]).unwrap();
@@ -37,7 +37,7 @@ pub fn room(width: usize) -> Environment {
     Environment::of(width, height, (0..width * height).map(pixel).collect()).unwrap()
 }
 
-/// Spots of three colours on a lattice of two directions (radians), with a mirror's lobe in the middle.
+/// Spots of three colours on a lattice of two directions (radians), with a specular lobe at the centre.
 pub fn lattice(size: usize, extent: f64, directions: [f64; 2], spacing: f64, width: f64) -> Table {
     let axes = directions.map(|a: f64| [a.cos(), a.sin()]);
     Table::from_fn(size, extent, |h| {

@@ -10,7 +10,7 @@ fn factors(table: &Table, settings: Settings) -> Factors {
     Factors::of(table, &settings).unwrap()
 }
 
-/// Error against the full integral at some directions all over the sphere.
+/// Error against the full integral, at directions all over the sphere.
 fn error(environment: &Environment, table: &Table, meridian: f64, found: &[[f32; 3]]) -> f64 {
     let lights = Lights::new(environment, 2);
     let (mut some, mut truth) = (vec![], vec![]);
@@ -27,7 +27,7 @@ fn error(environment: &Environment, table: &Table, meridian: f64, found: &[[f32;
 #[test]
 fn two_passes_are_the_full_integral() {
     let environment = room(256);
-    // At right angles, and not; both unlike their own mirror images.
+    // Perpendicular and oblique directions, both without mirror symmetry.
     for directions in [[0.0, FRAC_PI_2], [0.3, 0.3 + 1.2], [1.9, 0.5]] {
         let spots = lattice(128, 0.7, directions, 0.17, 0.035);
         let table =
@@ -75,13 +75,13 @@ fn rotations_put_the_poles_where_they_do_no_harm() {
     let environment = room(256);
     let frame = Frame::facing([0.3, 0.4, 0.75_f64.sqrt()], 0.0);
     let there = turned_to(&environment, &frame).unwrap();
-    // What lies along the normal is in the middle of the picture.
+    // The direction of the normal is at the centre of the picture.
     let middle = there.radiance([1.0, 0.0, 0.0]);
     let normal = environment.radiance(frame.normal);
     assert!((middle[0] - normal[0]).abs() < 0.05 * normal[0].max(0.1));
     let back = turned_back(&there, &frame).unwrap();
-    // Two interpolations blur lamps of two pixels, so much that this says no more than that they are where they were; the smooth sky
-    // below says how well.
+    // Two interpolations blur lamps of two pixels strongly, so this checks only their positions; the smooth sky below
+    // checks the values.
     let off = normalized_error(&back.rgb, &environment.rgb);
     assert!(off < 0.8, "{off}");
     let smooth = Environment::of(
@@ -144,7 +144,7 @@ fn patterns_are_recognised() {
 
 #[test]
 fn lattices_that_are_brightest_along_their_diagonals_lie_along_their_sides() {
-    // A product but for the factor that is folded in; spots on the axes have a fifth of the light of the others.
+    // Separable except for the included geometric factor; spots on the axes have a fifth of the light of the others.
     let side = |v: f64| -> f64 {
         let spot = |k: i32| (-((v - 0.1 * f64::from(k)) / 0.012).powi(2)).exp() * if k == 0 { 0.2 } else { 1.0 };
         (-6..=6).map(spot).sum::<f64>() * (-v.abs() / 0.4).exp()
@@ -179,8 +179,8 @@ fn settings_that_make_no_sense_are_refused_by_name() {
     assert!(two_pass(&odd, &f.parts[0], &Silent).is_err());
 }
 
-/// Three streaks that do not separate. The numbers are of numpy's `linalg.svd` of the same kernel, written down from the formulas alone; the program
-/// `tests/factor/compare.py` does so for more tables.
+/// Three non-separable streaks. The expected numbers are those of numpy's `linalg.svd` of the same kernel, derived
+/// independently from the formulas; the program `tests/factor/compare.py` does so for more tables.
 #[test]
 fn truncation_errors_are_those_of_numpy() {
     let table = Table::from_fn(96, 0.62, |h| {

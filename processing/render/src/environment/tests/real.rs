@@ -1,6 +1,6 @@
 use crate::environment::Environment;
 
-/// Environments that people give away are read whole.
+/// Published environments are read completely.
 #[test]
 fn real_environments_are_read() {
     let Ok(folder) = std::env::var("NACRE_TEST_DATA") else {

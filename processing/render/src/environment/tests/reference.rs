@@ -4,12 +4,12 @@ use crate::environment::reference::dot;
 use crate::environment::{Environment, Frame, Lights, Reflection, Table, geometry, normalized_error, planar};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// A smooth round table, for which the integral can be done otherwise.
+/// A smooth rotationally symmetric table, whose integral has another closed evaluation.
 fn round(width: f64) -> Table {
     Table::from_fn(256, 0.7, |[x, y]| [(-(x * x + y * y) / (2.0 * width * width)).exp(), 1.0, 0.5]).unwrap()
 }
 
-/// The integral over the hemisphere facing a surface, in polar coordinates around the normal, of the first channel.
+/// The integral of the first channel over the hemisphere, in polar coordinates around the normal.
 fn polar(width: f64) -> f64 {
     let n = 20_000;
     let ring = |k: i32| {
@@ -30,7 +30,7 @@ fn a_white_furnace_gives_the_albedo() {
         assert!((found[0] / truth - 1.0).abs() < 0.005, "{} {truth}", found[0]);
         assert!((found[1] / found[2] - 2.0).abs() < 1e-6);
     }
-    // A Lambertian surface reflects what it gets.
+    // A Lambertian surface under constant light reflects the incident radiance.
     let view = [0.6, 0.0, 0.8];
     let white = lights.reflected(&Frame::FLAT, view, |light, _| [light[2] / PI; 3]);
     assert!((white[0] - 1.0).abs() < 1e-3, "{white:?}");
@@ -55,7 +55,7 @@ fn frames_stand_at_right_angles() {
     assert!(dot(up.bitangent, [0.0, 0.0, 1.0]) > 0.999_999);
 }
 
-/// The correlation and a plain sum over the same cells, with the square as it stands.
+/// Compares the correlation with a direct sum over the same cells, with the square unexpanded.
 #[test]
 fn flat_samples_agree_with_direct_sums() {
     let (environment, table, n) = (room(128), lattice(64, 0.7, [0.2, 1.7], 0.15, 0.04), 48);
@@ -71,7 +71,7 @@ fn flat_samples_agree_with_direct_sums() {
             let [a, b] = [j % n + i % n, j / n + n - 1 - i / n];
             let [x, y] = [a, b].map(|k| 2.0 * (k as f64 + 1.0) / n as f64 - 2.0);
             let s = table.at([x, y]);
-            // A cell whose centre is beyond the rim has no direction of its own there.
+            // A cell with its centre beyond the rim has no direction there.
             let inside = (x - view[0]).hypot(y - view[1]) < 1.0;
             let half = 0.5 * (x * x + y * y + (light[2] + view[2]).powi(2));
             let factor = if inside { 1.0 + dot(*light, view) } else { half }.powi(2) / view[2];
@@ -99,7 +99,7 @@ fn flat_samples_agree_with_the_sky_summed_up() {
             assert!((f64::from(*own) / truth - 1.0).abs() < 0.01, "{i}: {own} {truth}");
         }
     }
-    // A furnace, away from the rim.
+    // White-furnace test, away from the rim.
     let white = planar(&table, &Environment::constant([1.0; 3]), &Frame::FLAT, size).unwrap();
     let middle = white.rgb[size * size / 2 + size / 2];
     assert!((f64::from(middle[0]) / polar(0.1) - 1.0).abs() < 0.005, "{middle:?} {}", polar(0.1));
@@ -119,7 +119,7 @@ fn turning_sample_light_and_view_together_changes_nothing() {
     let before = Lights::new(&environment, 1).by_table(&table, &frame, view);
     let after = Lights::new(&environment.turned(turn), 1).by_table(&table, &turned, about(view));
     assert!(before.iter().zip(after).all(|(a, b)| (a / b - 1.0).abs() < 1e-5), "{before:?} {after:?}");
-    // The sample alone makes a difference.
+    // Only the orientation of the sample matters.
     let other = Lights::new(&environment, 1).by_table(&table, &turned, view);
     assert!((other[0] / before[0] - 1.0).abs() > 1e-3);
 }

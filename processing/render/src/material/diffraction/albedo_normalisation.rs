@@ -1,4 +1,4 @@
-//! What Stam's BRDF of a height field gives back of light from everywhere, by which it is divided.
+//! Normalisation of Stam's BRDF of a height field by its directional albedo.
 
 use crate::light::viewer::RANGE;
 use nacre_base::Result;
@@ -10,49 +10,53 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Places along a side of a block, which are added up together where nothing changes much within it. A block is as wide as the patch's
-/// frequencies are apart, or as a lobe's standard deviation if that is more.
+/// Side of a block in spectrum samples, which are merged where the integrand varies little. A block is as wide as the
+/// spacing of the patch's frequencies, or as a lobe's standard deviation if that is larger.
 const BLOCK: i32 = 4;
 
-/// Most blocks whose places are added up one by one near the rim, the brightest ones. The others hold little light, but grazing views see
-/// nothing else.
+/// Number of the brightest blocks whose samples are summed individually near the rim. The other blocks hold little
+/// light, but grazing views receive nothing else.
 const BRIGHTEST: usize = 312;
 
-/// Within this radius of the disc of direction cosines nothing changes much within a block.
+/// Radius in the disc of direction cosines within which the integrand varies little over a block.
 const INSIDE: f64 = 0.7;
 
-/// Nodes in a lobe's standard deviation, which is how fast the albedo changes where a lobe sets; cubics between them.
+/// Nodes per standard deviation of a lobe, the scale on which the albedo changes where a lobe sets; cubic interpolation
+/// between them.
 const FINE: f64 = 2.0;
 
-/// Sides of the places in which a patch's spectrum is looked at: a quarter of its frequencies' distance, or of a lobe's standard deviation if that
-/// is more. Twice as wide ones were 0.9 % off at 88°.
+/// Sampling steps of a patch's spectrum: a quarter of its frequency spacing, or of a lobe's standard deviation if that
+/// is larger. Twice these steps gave an error of 0.9 % at 88°.
 pub(crate) fn sides(field: &HeightField, densities: &Densities) -> [f64; 2] {
     field.size_um().map(|s| (0.25 / s).max(0.25 * densities.window.sigma))
 }
 
-/// Fewest and most directions of view along a side, and wave numbers.
+/// Smallest and largest number of directions of view along a side, and of wave numbers.
 const VIEWS: [usize; 2] = [33, 121];
 const NUMBERS: [usize; 2] = [12, 48];
 
-/// Least cosine of view that is told from none.
+/// Smallest cosine of view that is distinguished from zero.
 const GRAZING: f64 = 2e-3;
 
-/// Beyond this radius of the disc of direction cosines gains and solid angles change within cells: they are integrated over.
+/// Radius in the disc of direction cosines beyond which gain and solid angle vary within cells and are integrated.
 const RIM: f64 = 0.9;
 
-/// A power density changes its course within half a turn of the deepest place's phase: linear between so many nodes of it.
+/// Nodes per turn of the phase of the deepest point. A power density varies on the scale of half a turn; interpolation
+/// between nodes is linear.
 const NODES_PER_TURN: f64 = 32.0;
 const MOST_NODES: usize = 800;
 
-/// Albedo times cos² θ over directions of view and wave numbers: at grazing views Stam's gain makes the albedo times cos θ grow as 1 / cos θ.
+/// Albedo times cos² θ over directions of view and wave numbers. At grazing views Stam's gain makes the albedo times
+/// cos θ grow as 1 / cos θ.
 ///
-/// Directions lie evenly in a projection `(x, y) / √((1 + z)(1 + √z))` whose radius is `√(1 - √z)`: smooth in the middle, and close where the
-/// cosine z is small. A node is summed up when it is first asked for: a picture of a plane from afar needs those around one direction of view.
+/// Directions are equidistant in the projection `(x, y) / √((1 + z)(1 + √z))` with radius `√(1 - √z)`, which is smooth
+/// at the centre and dense where the cosine z is small. A node is computed at its first use: a picture of a distant
+/// plane needs only nodes around one direction of view.
 pub(crate) struct AlbedoNormalisation {
     views: usize,
     numbers: usize,
     places: Places,
-    /// Bits of a single; those of NaN where nothing has been summed up.
+    /// Bits of an f32; those of NaN for nodes not yet computed.
     albedo: Vec<AtomicU32>,
 }
 
@@ -63,25 +67,25 @@ struct Places {
     blocks: Vec<Block>,
     /// Power densities at nodes of `q`, row by row.
     power: Vec<f32>,
-    /// Sides of a place.
+    /// Sides of a sample.
     sides: [f64; 2],
     nodes: usize,
     /// Nodes per unit of q.
     per_q: f64,
 }
 
-/// Places side by side.
+/// Adjacent spectrum samples.
 struct Block {
     middle: [f64; 2],
-    /// Number of its row of power densities.
+    /// Index of its row of power densities.
     row: usize,
-    /// Middles of its places, whose rows follow its own; none of a dim block.
+    /// Centres of its samples, whose rows follow the block's; empty for a dim block.
     places: Vec<[f64; 2]>,
 }
 
 impl AlbedoNormalisation {
-    /// Of a height field of this depth, from densities under light of a short coherence. Frequencies are looked at in places of these
-    /// sides.
+    /// Normalisation of a height field of this depth, from densities under light of a short coherence length. The
+    /// spectrum is sampled with cells of these sides.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -105,13 +109,13 @@ impl AlbedoNormalisation {
         }
         let views = self.views * self.views;
         let number = RANGE[0] + (RANGE[1] - RANGE[0]) * (k / views) as f64 / (self.numbers - 1) as f64;
-        // Two threads that come here at once find the same.
+        // Two threads that compute the same node obtain the same value.
         let value = self.node(k % views, number) as f32;
         self.albedo[k].store(value.to_bits(), Ordering::Relaxed);
         value
     }
 
-    /// Value at a node. Beyond the rim, where cubics near to it need values as well, it goes on as it came.
+    /// Value at a node. Beyond the rim it is extrapolated, for the cubic interpolation near the rim.
     fn node(&self, k: usize, number: f64) -> f64 {
         let at = |k: usize| 2.0 * k as f64 / (self.views - 1) as f64 - 1.0;
         let [x, y] = [at(k % self.views), at(k / self.views)];
@@ -142,7 +146,7 @@ impl AlbedoNormalisation {
         (0..self.albedo.len()).into_par_iter().map(|k| self.value(k)).collect()
     }
 
-    /// Albedo times cos θ of view.
+    /// Albedo times the cosine of view.
     pub(crate) fn at(&self, view: [f64; 3], number: f64) -> f64 {
         let cos = view[2].max(0.0);
         let scale = 1.0 / ((1.0 + cos) * (1.0 + cos.sqrt())).sqrt();
@@ -152,7 +156,7 @@ impl AlbedoNormalisation {
         let z = ((number - RANGE[0]) / (RANGE[1] - RANGE[0])).clamp(0.0, 1.0) * (m - 1) as f64;
         let (i, j, k) = ((x as usize).min(n - 2), (y as usize).min(n - 2), (z as usize).min(m - 2));
         let [u, v, w] = [x - i as f64, y - j as f64, z - k as f64].map(|t| catmull_rom(t as f32));
-        // Beyond the edges, the nodes there.
+        // Beyond the edges, the edge nodes are repeated.
         let near = |i: usize, n: usize| [0, 1, 2, 3].map(|o| (i + o).saturating_sub(1).min(n - 1));
         let (columns, rows) = (near(i, n), near(j, n));
         let mut sum = 0.0;
@@ -178,7 +182,7 @@ impl Places {
             let at = [(k % width) as i32 - half[0], (k / width) as i32 - half[1]];
             [0, 1].map(|i| f64::from(at[i]) * sides[i])
         };
-        // At three depths of phase, as some orders vanish at one.
+        // Evaluated at three phase depths, since some orders vanish at one.
         let light: Vec<f64> = (0..count)
             .into_par_iter()
             .map_init(Workspace::default, |w, k| {
@@ -193,7 +197,7 @@ impl Places {
         let mut blocks: Vec<_> = blocks.into_iter().collect();
         let light_of = |members: &[usize]| members.iter().map(|k| light[*k]).sum::<f64>();
         blocks.sort_by(|a, b| light_of(&b.1).total_cmp(&light_of(&a.1)));
-        // Where a block's light is in the middle, so that no first order of what changes within it is lost.
+        // Centroid of a block's light, so that its variation cancels to first order.
         let middle = |members: &[usize]| {
             let all = light_of(members).max(f64::MIN_POSITIVE);
             [0, 1].map(|i| members.iter().map(|k| (light[*k] / all) * frequency(*k)[i]).sum::<f64>())
@@ -216,7 +220,7 @@ impl Places {
         }
         tasks.into_par_iter().for_each_init(Workspace::default, |w, (rows, members)| {
             let (whole, places) = rows.split_at_mut(nodes);
-            // A lobe is four places wide: each second one along both axes tells of a dim block.
+            // A lobe is four samples wide, so every second one along both axes suffices for a dim block.
             let odd = |k: &&usize| (**k % width) % 2 == 1 && (**k / width) % 2 == 1;
             let some: Vec<usize> = members.iter().filter(odd).copied().collect();
             let looked_at = if some.is_empty() || !places.is_empty() { members } else { &some };
@@ -236,7 +240,7 @@ impl Places {
         Self { blocks: each, power, sides, nodes, per_q }
     }
 
-    /// `∬ (1 + ωi·ωo)² / w² · P(f, q) ν² / cos θi dx dy`, which is the albedo times cos θ of view before anything is divided.
+    /// `∬ (1 + ωi·ωo)² / w² · P(f, q) ν² / cos θi dx dy`: the albedo times the cosine of view before normalisation.
     fn albedo(&self, view: [f64; 3], number: f64) -> f64 {
         let turn = 1.0 / number;
         let sides = self.sides.map(|s| s * turn);
@@ -261,12 +265,12 @@ impl Places {
         sum * number * number
     }
 
-    /// What a cell with these sides about a place in the disc of direction cosines adds.
+    /// Contribution of a cell with these sides about a position in the disc of direction cosines.
     #[inline]
     fn part(&self, row: usize, [x, y]: [f64; 2], sides: [f64; 2], view: [f64; 3], number: f64) -> f64 {
         let power = &self.power[row * self.nodes..][..self.nodes];
         let square = x * x + y * y;
-        // One division: they take longest.
+        // A single division, because divisions dominate the time.
         let value = |[x, y, z]: [f64; 3], by: f64| {
             let w = (z + view[2]).max(1e-6);
             let aligned = 1.0 + x * view[0] + y * view[1] + z * view[2];
@@ -280,20 +284,20 @@ impl Places {
         }
     }
 
-    /// Power density of a place, from its nodes.
+    /// Power density of a sample, interpolated between its nodes.
     fn density(&self, power: &[f32], q: f64) -> f64 {
         let q = q * self.per_q;
         let k = (q as usize).min(self.nodes - 2);
         let share = q - k as f64;
-        // What a shallow phase diffracts grows with its square.
+        // The diffracted power of a shallow phase grows with its square.
         let share = if k == 0 { share * share } else { share };
         f64::from(power[k]) * (1.0 - share) + f64::from(power[k + 1]) * share
     }
 }
 
-/// Integral over the solid angle of the part of a cell of the disc of direction cosines that is above the horizon, of what changes with
-/// the cosine of light `z` as a power of `z + low`: along the cell's middle by Gauss, octave by octave of that sum. The solid angle is
-/// `dx dy / z`, which is `dz dy / x` on a line of the same y. `value` divides by its second argument.
+/// Integral over the solid angle of the part of a cell above the horizon, for an integrand that varies as a power of
+/// `z + low`. Gauss quadrature runs along the cell's centre line, octave by octave of that sum. The solid angle is
+/// `dx dy / z`, which equals `dz dy / x` on a line of constant y. `value` divides by its second argument.
 #[inline]
 fn at_rim([x, y]: [f64; 2], sides: [f64; 2], low: f64, value: impl Fn([f64; 3], f64) -> f64) -> f64 {
     const GAUSS: [f64; 2] = [-0.577_350_269_189_625_8, 0.577_350_269_189_625_8];
@@ -327,7 +331,7 @@ mod tests {
     use super::*;
     use nacre_base::progress::Silent;
 
-    /// The albedo times cos θ by a plain sum over light, evenly in azimuth and in log(z + cos θ).
+    /// The albedo times cos θ by direct summation over light, equidistant in azimuth and in log(z + cos θ).
     fn plainly(densities: &Densities, view: [f64; 3], number: f64) -> f64 {
         let (n, cos) = (300, view[2]);
         let ratio = (1.0 + cos) / cos;
@@ -346,7 +350,7 @@ mod tests {
 
     #[test]
     fn the_albedo_is_that_of_plain_sums() {
-        // Bumps in two directions, 0.26 µm deep.
+        // Sinusoids in two directions, 0.26 µm deep.
         let n = 64;
         let um = |i: usize| -> f64 {
             let [u, v] = [i % n, i / n].map(|k| TAU * k as f64 / n as f64);

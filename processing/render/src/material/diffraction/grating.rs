@@ -1,13 +1,14 @@
-//! Gratings in a scene: exact orders (2018 paper, section 3.2 with Bessel functions for its Taylor series), in lobes as wide as the coherence and the
-//! light, that neither gain nor lose light.
+//! Lossless gratings in a scene. Orders follow scalar theory (2018 paper, section 3.2, with Bessel functions in place
+//! of its Taylor series). The width of their lobes follows from the coherence and the light.
 //!
-//! Scalar theory gives an order the power `gain · |c_m(2πν(cos θi + cos θr))|²` (see [`nacre_brdf::Pair`]). Added up over the directions that an
-//! incoming direction can go to, that is not 1: orders below the horizon are missing, and w is another one for each. The directions that a
-//! grating couples at one wavelength are finitely many, and as many incoming as outgoing ones: `s + n λ/a` with a length below 1 (s across the
-//! normal). Their square matrix of powers is scaled by a factor per row and a factor per column until all rows and columns add up to 1 (Sinkhorn
-//! and Knopp 1967): what is left is reciprocal, for its factors belong to directions, and without loss. Of all such matrices it is the one nearest
-//! to scalar theory's in relative entropy, and nearer to what Maxwell's equations say of a perfect conductor than scalar theory is itself
-//! (`docs/validation/rendering.md`, `render-orders`).
+//! Scalar theory assigns an order the power `gain · |c_m(2πν(cos θi + cos θr))|²` (see [`nacre_brdf::Pair`]). The sum
+//! over all orders of an incident direction is not 1: evanescent orders are missing, and w differs from order to order.
+//! At one wavelength a grating couples finitely many directions, equally many incident and diffracted: `s + n λ/a` with
+//! a length below 1 (s is tangential). The square matrix of their powers is scaled by row and column factors until all
+//! rows and columns add up to 1 (Sinkhorn and Knopp 1967). The result is lossless, and reciprocal because the factors
+//! belong to directions. Of all such matrices it is closest to scalar theory's in relative entropy. It is also closer
+//! to rigorous solutions for a perfect conductor than scalar theory itself (`docs/validation/rendering.md`,
+//! `render-orders`).
 
 use nacre_base::{Error, Result};
 use nacre_brdf::{Reflectance, Section, most_orders};
@@ -16,40 +17,41 @@ use std::ops::RangeInclusive;
 
 use crate::light::viewer::RANGE;
 
-/// Distance of the points of a table over `q · depth`, whose linear interpolation is right to 1e-5.
+/// Spacing of a table's points over `q · depth`; linear interpolation has an error of 1e-5.
 pub(crate) const STEP: f64 = 0.01;
 
-/// Rounds of balancing, at most, and how near to 1 sums are to be.
+/// Maximum number of balancing iterations, and tolerance of the sums.
 pub(crate) const ROUNDS: usize = 200;
 pub(crate) const BALANCED: f64 = 1e-4;
 
-/// Powers that differ by no more are alike: what is left of rounding.
+/// Powers that differ by less count as equal, since the difference is rounding.
 const EVEN: f32 = 1e-6;
 
-/// More coupled directions than this are not balanced but scaled by their row: periods are then so long that they are nearly all there.
+/// Number of coupled directions above which powers are scaled by row only: for such long periods nearly all orders
+/// propagate.
 const MOST_DIRECTIONS: usize = 48;
 
-/// Distance over which slopes count, an eighth of a wavelength: light does not see what is finer.
+/// Distance over which slopes are averaged, an eighth of a wavelength: light does not resolve finer details.
 const WALL_UM: f64 = 0.07;
 
-/// A cross-section with how it is to be computed.
+/// A grating profile with parameters of its evaluation.
 pub(crate) struct Grating {
     /// Powers of the orders `-most..=most` over `q · depth`.
     pub table: Vec<f32>,
     pub most: i32,
     pub depth_um: f64,
-    /// Highest order that is looked at.
+    /// Highest computed order.
     pub orders: i32,
-    /// Part of the light that the orders beyond have, at most.
+    /// Largest share of light in the neglected orders.
     pub left_out: f64,
-    /// Whether orders m and -m have the same power, so that powers among coupled directions do not change when light goes the other way.
+    /// Whether orders m and -m have the same power, so that the matrix of powers is symmetric.
     pub even: bool,
     /// Standard deviation of a lobe in 1/µm.
     pub sigma: f64,
     pub reflectance: Reflectance,
 }
 
-/// A place's grooves.
+/// Grating vector at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Groove {
     /// Direction of the grating vector.
@@ -57,38 +59,39 @@ pub(crate) struct Groove {
     pub period_um: f64,
 }
 
-/// An order of a lossless grating, as scalar theory and as renderings have it.
+/// An order of a lossless grating, in scalar theory and after balancing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BalancedOrder {
-    /// Its number: `sin θi + sin θr = m λ/Λ`, with the directions of light and view.
+    /// Order number: `sin θi + sin θr = m λ/Λ`, with the directions of light and view.
     pub order: i32,
-    /// Part of the light in scalar theory, with its gain; all orders together may have more or less than 1.
+    /// Efficiency in scalar theory, with its gain; the sum over all orders may differ from 1.
     pub scalar: f64,
-    /// The same, balanced.
+    /// Balanced efficiency.
     pub balanced: f64,
 }
 
-/// A lossless grating, whose orders are looked up.
+/// A lossless grating with tabulated orders.
 pub struct BalancedOrders {
     grating: Grating,
     period_um: f64,
 }
 
 impl BalancedOrders {
-    /// Prepares a cross-section.
+    /// Prepares a profile.
     ///
     /// # Errors
-    /// `Input` for a period or depth that makes no sense.
+    /// `Input` for an invalid period or depth.
     pub fn new(section: &Section, period_um: f64) -> Result<Self> {
         check("period", period_um, 0.01..=200.0, "µm")?;
         check("depth", section.depth_um(), 0.0..=20.0, "µm")?;
         Ok(Self { grating: Grating::new(section, period_um, 1.0, Reflectance::Perfect, 0.0), period_um })
     }
 
-    /// The orders between light and a direction of view across the grooves, either of which is at an angle (rad), by rising number.
+    /// Orders that couple a direction of light and one of view perpendicular to the grooves, by increasing number; one
+    /// of them is at `angle` (rad).
     ///
     /// # Errors
-    /// `Input` for numbers that make no sense.
+    /// `Input` for invalid numbers.
     pub fn at(&self, angle: f64, wavelength_nm: f64) -> Result<Vec<BalancedOrder>> {
         check("angle", angle, -FRAC_PI_2..=FRAC_PI_2, "rad")?;
         check("wavelength", wavelength_nm, 1e3 / RANGE[1]..=1e3 / RANGE[0], "nm")?;
@@ -102,8 +105,8 @@ impl BalancedOrders {
         Ok(found)
     }
 
-    /// Part of the light that balanced orders of a perfect conductor have in a wrong order, about: `0.3 ⟨h'²⟩ / cos θ`, as charted against
-    /// Maxwell's equations (`render-orders`). Walls count as steep as they are over 70 nm.
+    /// Approximate share of light that balanced orders place in a wrong order for a perfect conductor:
+    /// `0.3 ⟨h'²⟩ / cos θ`, fitted to rigorous solutions (`render-orders`). Slopes of walls are averaged over 70 nm.
     pub fn theory_error(section: &Section, period_um: f64, angle: f64) -> f64 {
         (0.3 * section.mean_square_slope(period_um, WALL_UM) / angle.cos().max(0.05)).min(1.0)
     }
@@ -117,7 +120,7 @@ fn check(name: &str, value: f64, range: RangeInclusive<f64>, unit: &str) -> Resu
     Err(Error::input(format!("grating, {name}"), format!("found {value}"), wanted))
 }
 
-/// Memory of one thread.
+/// Scratch memory of one thread.
 #[derive(Default)]
 pub(crate) struct Scratch {
     cos: Vec<f64>,
@@ -126,25 +129,25 @@ pub(crate) struct Scratch {
     rows: Vec<f64>,
 }
 
-/// One of the directions that are seen from a direction of view.
+/// One of the orders visible from a direction of view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Order {
     pub order: i32,
-    /// Where its light comes from: components across the normal, and along it.
+    /// Direction of its light: tangential components, and the component along the normal.
     pub from: [f64; 3],
-    /// Part of the radiance from there that is seen, of a perfect mirror's.
+    /// Reflected share of the radiance from that direction, relative to a perfect mirror.
     pub power: f64,
-    /// What scalar theory's power was multiplied with.
+    /// Ratio of the balanced power to that of scalar theory.
     pub factor: f64,
 }
 
 impl Grating {
-    /// For grooves up to a period; orders that have less than `error` of the light all together are left out.
+    /// A grating for periods up to `longest_um`; neglected orders have less than `error` of the light in total.
     pub(crate) fn new(section: &Section, longest_um: f64, sigma: f64, reflectance: Reflectance, error: f64) -> Self {
         let depth_um = section.depth_um();
         let steepest = 2.0 * TAU * RANGE[1];
         let deepest = steepest * depth_um;
-        // No more than are above the horizon at both ends.
+        // The number of orders that can lie above the horizon at both ends.
         let seen = (2.0 * longest_um * RANGE[1]).ceil() as usize;
         let most = most_orders(steepest, depth_um).max(8).min(seen.max(1));
         let count = (deepest / STEP).ceil() as usize + 2;
@@ -180,7 +183,7 @@ impl Grating {
         grating
     }
 
-    /// Of powers that depend on nothing but the order, `0, ±1, ±2, …`, such as those of slits.
+    /// A grating of powers that depend only on the order, `0, ±1, ±2, …`, such as those of slits.
     pub(crate) fn of_powers(powers: &[f64], sigma: f64, reflectance: Reflectance) -> Self {
         let most = powers.len() as i32 - 1;
         let row: Vec<f32> = (-most..=most).map(|m| powers[m.unsigned_abs() as usize] as f32).collect();
@@ -202,8 +205,8 @@ impl Grating {
         f64::from(self.table[at]) * (1.0 - share) + f64::from(self.table[at + width]) * share
     }
 
-    /// What is seen from a direction of view (its components across the normal and along it) at a wave number: every direction that light can
-    /// come from, and how much of it.
+    /// Orders visible from a direction of view (tangential components and the component along the normal) at a wave
+    /// number: the directions of their light, and their powers.
     pub(crate) fn orders(
         &self,
         view: [f64; 3],
@@ -214,7 +217,7 @@ impl Grating {
     ) {
         let g = groove.across.map(|a| a / (number * groove.period_um));
         let length = (g[0] * g[0] + g[1] * g[1]).sqrt();
-        // s + n g: n within the circle.
+        // s + n g: range of n within the unit circle.
         let along = (view[0] * g[0] + view[1] * g[1]) / (length * length);
         let square = view[0] * view[0] + view[1] * view[1];
         let reach = ((1.0 - square) / (length * length) + along * along).max(0.0).sqrt();
@@ -225,7 +228,7 @@ impl Grating {
         scratch.cos.clear();
         scratch.cos.extend((first..=last).map(|n| {
             let [x, y] = at(n);
-            // Never quite grazing, where scalar theory's gain has no limit.
+            // Limited away from exact grazing, where scalar theory's gain diverges.
             if n == 0 { view[2].max(1e-3) } else { (1.0 - x * x - y * y).max(1e-6).sqrt() }
         }));
         let zero = (-first) as usize;
@@ -250,7 +253,7 @@ impl Grating {
         }
     }
 
-    /// Scalar theory's powers among the coupled directions, as a matrix.
+    /// Matrix of scalar powers among the coupled directions.
     fn powers(&self, count: usize, first: i32, number: f64, at: &impl Fn(i32) -> [f64; 2], scratch: &mut Scratch) {
         let Scratch { matrix, cos, .. } = scratch;
         matrix.clear();
@@ -267,7 +270,7 @@ impl Grating {
         }
     }
 
-    /// Scalar theory's power from one to another of the coupled directions.
+    /// Scalar power from one coupled direction to another.
     fn coupling(
         &self,
         out: i32,
@@ -312,7 +315,7 @@ impl Grating {
     }
 }
 
-/// Factors of rows and columns that make a square matrix of powers add up to 1 both ways.
+/// Row and column factors that make a square matrix of powers doubly stochastic.
 fn balance(scratch: &mut Scratch, count: usize) {
     let Scratch { matrix, rows, columns, .. } = scratch;
     rows.clear();
@@ -336,9 +339,10 @@ fn balance(scratch: &mut Scratch, count: usize) {
     }
 }
 
-/// The same of a symmetric matrix, whose factors of rows are those of columns. Near the right ones, a step by the power p of the sums multiplies
-/// what is off by `1 - p (1 + λ)`, with the eigenvalues λ of the balanced matrix. They lie near 1 where the mirror direction has most of the light, and
-/// Sinkhorn's steps, of p = 1, are slow there: one by the square root goes before each two of them.
+/// Balances a symmetric matrix, whose row and column factors are equal. Near the solution, a step by the power p of the
+/// sums multiplies the error by `1 - p (1 + λ)`, with the eigenvalues λ of the balanced matrix. They are close to 1
+/// where the mirror direction has most of the light, and Sinkhorn's steps (p = 1) then converge slowly. Each pair of
+/// them is therefore preceded by a square-root step.
 fn balance_even(scratch: &mut Scratch, count: usize) {
     let Scratch { matrix, rows, columns: sums, .. } = scratch;
     rows.clear();
@@ -354,7 +358,7 @@ fn balance_even(scratch: &mut Scratch, count: usize) {
         }
         for (row, sum) in rows.iter_mut().zip(sums.iter()) {
             let step = if round % 3 == 0 { sum.sqrt() } else { *sum };
-            // A direction that gets nothing keeps its factor: no finite one makes it add up to 1.
+            // A direction without light keeps its factor: no finite one makes its sum 1.
             *row /= if step > 0.0 { step } else { 1.0 };
         }
     }

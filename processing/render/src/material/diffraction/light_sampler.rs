@@ -1,31 +1,32 @@
-//! Draws directions of light by a height field's power densities.
+//! Samples directions of light by a height field's power densities.
 //!
-//! The power of a deep field in an order depends on `q = 2π/λ (cos θi + cos θr)`, and so on the direction of light itself. Directions are drawn by
-//! densities at several `q` in turn: all that light above the horizon has for the view. A density at a single `q` can vanish where the field is bright.
+//! The power of a deep field in an order depends on `q = 2π/λ (cos θi + cos θr)`, and therefore on the sampled
+//! direction itself. Directions are drawn from densities at several values of `q` in turn, which cover all light above
+//! the horizon for the view. The density at a single `q` may vanish where the field is bright.
 
 use crate::light::viewer::RANGE;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Values of `q` for each turn of the phase of the deepest place.
+/// Values of `q` per turn of the phase of the deepest point.
 const COURSES_PER_TURN: f64 = 4.0;
 
-/// Fewest and most values of `q`.
+/// Smallest and largest number of values of `q`.
 const COURSES: [usize; 2] = [8, 24];
 
-/// Most entries of all tables together.
+/// Maximum number of entries of all tables together.
 const MOST: usize = 4_000_000;
 
-/// Part of the directions that is drawn evenly from above the horizon, so that no direction is far rarer than its light.
+/// Share of directions drawn uniformly above the horizon, so that no direction is sampled far too rarely.
 const EVEN: f64 = 0.1;
 
-/// Running sums over frequencies by which directions are drawn.
+/// Cumulative sums over frequencies, for sampling.
 pub(crate) struct LightSampler {
-    /// Distance of frequencies in 1/µm.
+    /// Frequency spacing in 1/µm.
     bin: [f64; 2],
-    /// How many to each side.
+    /// Number of frequencies on each side of zero.
     bins: [i32; 2],
-    /// For each `q`, evenly from 0 to the largest.
+    /// One cumulative sum per value of `q`, equidistant from 0 to the largest.
     running: Vec<Vec<f64>>,
 }
 
@@ -34,12 +35,12 @@ pub(crate) struct LightSampler {
 pub(crate) struct Sight {
     pub view: [f64; 3],
     pub number: f64,
-    /// First course and how many.
+    /// First index of `q`, and number of indices.
     courses: [usize; 2],
 }
 
 impl LightSampler {
-    /// Of a patch of this size and depth in µm, by densities at frequencies and `q`.
+    /// Sampler for a patch of this size and depth in µm, from densities at frequencies and `q`.
     pub(crate) fn new<W: Default + Send>(
         size: [f64; 2],
         depth_um: f64,
@@ -82,8 +83,8 @@ impl LightSampler {
         Sight { view, number, courses: [first, last + 1 - first] }
     }
 
-    /// A direction of light for three numbers from 0 to 1; it may lie below the horizon. Most are where the patch's spectrum is, the others near
-    /// to the horizon, the more the flatter the view, where the gain is, and anywhere.
+    /// A direction of light from three numbers from 0 to 1; it may lie below the horizon. Most follow the patch's
+    /// spectrum. The others are uniform or, increasingly for grazing views, near the horizon, where the gain is large.
     pub(crate) fn sample(&self, sight: &Sight, [u, v, w]: [f64; 3]) -> Option<[f64; 3]> {
         let Sight { view, number, courses } = *sight;
         let rim = (1.0 - EVEN) * rim_share(view);
@@ -106,7 +107,7 @@ impl LightSampler {
         (square < 1.0).then(|| [x, y, (1.0 - square).sqrt()])
     }
 
-    /// Density of [`Self::sample`] per solid angle, of a direction above the horizon.
+    /// Density of [`Self::sample`] per solid angle, for a direction above the horizon.
     pub(crate) fn density(&self, sight: &Sight, light: [f64; 3]) -> f64 {
         let Sight { view, number, courses } = *sight;
         let rim = (1.0 - EVEN) * rim_share(view);
@@ -128,12 +129,12 @@ impl LightSampler {
     }
 }
 
-/// Part of the directions that are drawn near to the horizon.
+/// Share of directions drawn near the horizon.
 fn rim_share(view: [f64; 3]) -> f64 {
     0.5 * (1.0 - view[2])
 }
 
-/// Cosine of a direction whose density per solid angle is as `1 / w²`.
+/// Cosine of a direction whose density per solid angle is proportional to `1 / w²`.
 fn rim_height([_, _, z]: [f64; 3], u: f64) -> f64 {
     let z = z.max(1e-6);
     (1.0 / (1.0 / z - u / (z * (1.0 + z))) - z).clamp(0.0, 1.0)

@@ -1,4 +1,5 @@
-//! Orders of a grating as light: lobes under small lights, sums over orders and wavelengths under environments.
+//! Reflected light of a grating's orders: lobes under small lights, sums over orders and wavelengths under
+//! environments.
 
 use crate::light::spectrum::Seen;
 use crate::light::viewer::RANGE;
@@ -8,21 +9,21 @@ use crate::material::diffraction::memory::{Kept, Memory, NODES};
 use crate::material::shading::{Above, Accuracy};
 use std::f64::consts::{PI, TAU};
 
-/// Fewest wave numbers of a sample under an environment.
+/// Smallest number of wave numbers per sample under an environment.
 const FEWEST: f64 = 12.0;
 
-/// A Gaussian of directions in the plane of spatial frequencies.
+/// A Gaussian in the plane of spatial frequencies.
 #[derive(Clone, Copy)]
 pub(crate) struct Blur {
-    /// Variance of the coherence, 1/µm².
+    /// Variance due to coherence, 1/µm².
     coherence: f64,
-    /// Variances and covariance of the light's sines.
+    /// Variances and covariance of the light's direction cosines.
     light: [f64; 3],
 }
 
 impl Blur {
-    /// Of lobes of a width (1/µm) under a light of a width (rad) from a direction: across the line of sight the light is round, so that its sines
-    /// have the covariance `σ² (1 - s sᵀ)`.
+    /// Combines lobes of a width (1/µm) with a light of angular width `light` (rad) from a direction. The light is
+    /// round perpendicular to its direction, so its direction cosines have the covariance `σ² (1 - s sᵀ)`.
     pub(crate) fn new(sigma: f64, light: f64, from: [f64; 3]) -> Self {
         let [x, y, _] = from;
         let square = light * light;
@@ -44,7 +45,8 @@ impl Blur {
         (-0.5 * (a * x * x + b * y * y + 2.0 * c * x * y)).exp() / (TAU * det.sqrt())
     }
 
-    /// Wave number at which the line `ν t - g` is nearest to 0, its standard deviation along the line, and its square distance there.
+    /// Wave number at which the line `ν t - g` is closest to 0 (Mahalanobis distance), its standard deviation along the
+    /// line, and the squared distance there.
     pub(crate) fn nearest(&self, t: [f64; 2], g: [f64; 2]) -> [f64; 3] {
         let mut at = 0.5 * (RANGE[0] + RANGE[1]);
         let mut found = [at, f64::INFINITY, 0.0];
@@ -64,7 +66,7 @@ impl Blur {
     }
 }
 
-/// Even wave numbers from one to another, a step apart at most, with the trapezoid rule's weights; and the step.
+/// Equidistant wave numbers with at most this step and the weights of the trapezoid rule; `each` receives both.
 fn trapezoid([from, to]: [f64; 2], step: f64, mut each: impl FnMut(f64, f64)) {
     if from >= to {
         return;
@@ -77,7 +79,7 @@ fn trapezoid([from, to]: [f64; 2], step: f64, mut each: impl FnMut(f64, f64)) {
     }
 }
 
-/// Sum over wave numbers of a smooth density along `ν t`, within `[from, to]`, as X, Y, Z.
+/// Integral over wave numbers of a smooth density along `ν t`, within `[from, to]`, as X, Y, Z.
 pub(crate) fn along(
     seen: &Seen,
     [from, to]: [f64; 2],
@@ -97,7 +99,7 @@ pub(crate) fn along(
     sum
 }
 
-/// Powers of orders, linear between the wave numbers that they are kept at.
+/// Powers of orders, linear between the tabulated wave numbers.
 struct Powers<'a> {
     grating: &'a Grating,
     view: [f64; 3],
@@ -118,7 +120,7 @@ impl Powers<'_> {
         nodes[k].iter().find(|o| o.0 == order).map(|o| o.1)
     }
 
-    /// Power of an order at a wave number; one that is below the horizon at the next node is as there is.
+    /// Power of an order at a wave number; an order that is evanescent at one node takes the value of the other.
     fn at(&mut self, order: i32, number: f64) -> f64 {
         let place = ((number - RANGE[0]) / (RANGE[1] - RANGE[0]) * NODES as f64).clamp(0.0, NODES as f64);
         let k = (place as usize).min(NODES - 1);
@@ -136,10 +138,10 @@ pub(crate) fn half_cos(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0.5 * (1.0 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2])).clamp(0.0, 1.0).sqrt()
 }
 
-/// BRDF of a grating under a small light, summed up over its spectrum: X, Y, Z.
+/// BRDF of a grating under a small light, integrated over its spectrum: X, Y, Z.
 ///
-/// `f = R Σ P_m N(ν t - m g) ν²`, with t the tangent part of `ωi + ωr`, g the grating vector in 1/µm, N the lobe that coherence and light
-/// have together, and P_m the balanced power. What memory keeps of powers is of this place and view.
+/// `f = R Σ P_m N(ν t - m g) ν²`, with t the tangential part of `ωi + ωr`, g the grating vector in 1/µm, N the combined
+/// lobe of coherence and light, and P_m the balanced power. Powers cached in `memory` belong to this point and view.
 pub(crate) fn lit(
     grating: &Grating,
     groove: Groove,
@@ -154,7 +156,7 @@ pub(crate) fn lit(
     let range = seen.range();
     let mut sum = [0.0; 3];
     let mut powers = Powers { grating, view, groove, kept, scratch };
-    // Orders whose wavelength is seen, from the component along the grating vector.
+    // Orders with a visible wavelength, from the component along the grating vector.
     let along_g = (t[0] * groove.across[0] + t[1] * groove.across[1]) * groove.period_um;
     let margin = (accuracy.reach + 1.0) * groove.period_um * (blur.coherence.sqrt() + range[1] * width);
     let ends = [along_g * range[0], along_g * range[1]];
@@ -183,8 +185,9 @@ pub(crate) fn lit(
     sum
 }
 
-/// Light of an environment that a grating sends towards a direction of view: X, Y, Z. Wave numbers of a pass together lie so near to each other
-/// that the first order moves by a pixel of the environment at most; four numbers from 0 to 1 move them all, and blur the lobes.
+/// Light of an environment diffracted towards a direction of view: X, Y, Z. The wave numbers of a pass are so dense
+/// that the first order moves by at most a pixel of the environment. Four numbers from 0 to 1 shift them together, and
+/// blur the lobes.
 pub(crate) fn under(
     above: &Above,
     (grating, groove): (&Grating, Groove),
@@ -198,11 +201,11 @@ pub(crate) fn under(
     let moved = pixel * groove.period_um * RANGE[0] * RANGE[0];
     let [least, most] = above.sky.upsampling.range();
     let step = accuracy.fixed.unwrap_or_else(|| moved.min(above.sky.fine()).max((RANGE[1] - RANGE[0]) / 96.0));
-    // Each sample of a pass has its part of them; a part of the spectrum takes fewer.
+    // The wave numbers are divided among the samples of a pass; a narrower spectrum needs fewer.
     let fewest = (FEWEST * (most - least) / (RANGE[1] - RANGE[0])).ceil().max(4.0);
     let count = ((most - least) / (step * SAMPLES as f64)).ceil().max(fewest) as usize;
     let step = (most - least) / count as f64;
-    // Box and Muller: an offset of the lobes.
+    // Box and Muller: a normal offset of the lobes.
     let radius = grating.sigma * (-2.0 * u[1].max(1e-12).ln()).sqrt();
     let offset = [radius * (TAU * u[2]).cos(), radius * (TAU * u[2]).sin()];
     let mut sum = [0.0; 3];
@@ -217,7 +220,7 @@ pub(crate) fn under(
             let [mut x, mut y] = [order.from[0] + shift[0], order.from[1] + shift[1]];
             let mut square = x * x + y * y;
             if square >= 1.0 {
-                // No lobe reaches below the horizon.
+                // No lobe extends below the horizon.
                 [x, y] = [order.from[0], order.from[1]];
                 square = (x * x + y * y).min(1.0);
             }

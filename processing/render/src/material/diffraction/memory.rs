@@ -1,12 +1,12 @@
-//! Memory of one thread for the light that diffracts.
+//! Scratch memory of one thread for diffracted light.
 
 use crate::material::diffraction::grating::Scratch;
 use nacre_brdf::Workspace;
 
-/// Steps of wave numbers between which powers are linear.
+/// Number of wave-number intervals between which powers are interpolated linearly.
 pub(super) const NODES: usize = 64;
 
-/// Memory of one thread.
+/// Scratch memory of one thread.
 #[derive(Default)]
 pub(crate) struct Memory {
     pub scratch: Scratch,
@@ -14,7 +14,7 @@ pub(crate) struct Memory {
     pub workspace: Workspace,
 }
 
-/// Powers of the orders that a place sends towards its view, at even wave numbers: all lights share them.
+/// Powers of the orders from a point towards its view, at equidistant wave numbers; shared by all lights.
 pub(crate) struct Kept {
     pub(super) known: [bool; NODES + 1],
     pub(super) nodes: [Vec<(i32, f64)>; NODES + 1],
@@ -27,7 +27,7 @@ impl Default for Kept {
 }
 
 impl Kept {
-    /// Another place or view follows.
+    /// Discards the cached powers before another point or view.
     pub(crate) fn forget(&mut self) {
         self.known.fill(false);
     }

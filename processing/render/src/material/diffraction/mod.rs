@@ -1,4 +1,4 @@
-//! What diffracts, by its kind.
+//! Diffracting materials by kind.
 
 pub(crate) mod albedo_normalisation;
 pub(crate) mod grating;
@@ -30,14 +30,14 @@ use slits::{Comb, Lattice, radial};
 use std::f64::consts::FRAC_PI_4;
 use table::Table;
 
-/// Longest period of a grating, in µm, and deepest.
+/// Range of grating periods in µm, and largest depth.
 const PERIODS: [f64; 2] = [0.05, 200.0];
 const DEPTHS: [f64; 2] = [0.0, 5.0];
 
-/// Light in wrong orders from which reports warn.
+/// Share of light in wrong orders from which reports warn.
 const STEEP: f64 = 0.05;
 
-/// What diffracts.
+/// A diffracting material.
 pub(crate) enum Diffraction {
     Grating { grating: Grating, same: [Option<f64>; 2], maps: Option<Grooves>, disc: bool },
     Comb(Comb),
@@ -47,10 +47,10 @@ pub(crate) enum Diffraction {
 }
 
 impl Diffraction {
-    /// Of a description, which may be `like` one that was made for another accuracy.
+    /// Prepares a described material; parts may be shared with `like`, the same material prepared for another accuracy.
     ///
     /// # Errors
-    /// `Input` for what makes no sense, or files that are none.
+    /// `Input` for invalid values and files.
     pub(crate) fn new(
         key: &str,
         of: &scene::Diffraction,
@@ -214,12 +214,12 @@ impl Diffraction {
         Some(Groove { across: [cos, sin], period_um })
     }
 
-    /// Whether nothing diffracts at a place.
+    /// Whether nothing diffracts at a point.
     pub(crate) fn is_masked(&self, uv: [f64; 2]) -> bool {
         matches!(self, Self::Grating { .. }) && self.groove(uv).is_none()
     }
 
-    /// X, Y, Z of what is seen of a light of illuminance 1 on what faces it.
+    /// X, Y, Z of the reflection of a light with illuminance 1 on a surface that faces it.
     pub(crate) fn lit(&self, place: &Place, source: &Source, accuracy: &Accuracy, memory: &mut Memory) -> [f64; 3] {
         let Source { light, width, seen, .. } = *source;
         let pair = [place.view, light];
@@ -239,7 +239,7 @@ impl Diffraction {
         f.map(|v| v * light[2])
     }
 
-    /// X, Y, Z of what is seen of an environment.
+    /// X, Y, Z of the reflection of an environment.
     pub(crate) fn under(
         &self,
         place: &Place,

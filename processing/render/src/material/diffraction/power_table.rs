@@ -1,4 +1,5 @@
-//! Power densities of a height field at even spatial frequencies and path factors `q`, for sums over lights from everywhere.
+//! Power densities of a height field at equidistant spatial frequencies and path factors `q`, for sums over environment
+//! light.
 
 use crate::light::viewer::RANGE;
 use nacre_base::Result;
@@ -9,13 +10,13 @@ use nacre_image::catmull_rom;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Distance of frequencies in standard deviations of a lobe, and nodes of `q` in a turn of the deepest place's phase: cubics between them are off by
-/// 0.2 % of a lobe's light.
+/// Frequency spacing in standard deviations of a lobe, and nodes of `q` per turn of the phase of the deepest point.
+/// Cubic interpolation has an error of 0.2 % of a lobe's light.
 const STEP: f64 = 0.35;
 const NODES_PER_TURN: f64 = 16.0;
 const FEWEST_NODES: usize = 8;
 
-/// Most values: 12 MB, and some seconds to make.
+/// Maximum number of values: 12 MB, computed in some seconds.
 const MOST: usize = 3_000_000;
 
 /// Random frequencies at which the table is compared with the densities.
@@ -23,20 +24,21 @@ const PROBES: usize = 1000;
 
 /// A table of power densities.
 pub(crate) struct PowerTable {
-    /// Frequencies to each side of 0, and the distance of two in 1/µm.
+    /// Frequencies on each side of 0, and their spacing in 1/µm.
     half: [i32; 2],
     step: f64,
-    /// Values of `q` per frequency, one beyond each end, and how many there are per unit of `q`.
+    /// Values of `q` per frequency, including one beyond each end, and values per unit of `q`.
     row: usize,
     per_q: f64,
     /// Densities in µm²: row by row of frequencies, then by `q`.
     power: Vec<f32>,
-    /// Mean absolute error over the mean density, at random places.
+    /// Mean absolute error at random positions, relative to the mean density.
     pub error: f64,
 }
 
 impl PowerTable {
-    /// Of densities of a field of this depth; none where a table is too large or off by more than `error`.
+    /// Tabulates the densities of a field of this depth; `None` if the table would be too large or its error exceeds
+    /// `error`.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -50,7 +52,7 @@ impl PowerTable {
         let nodes = ((most_q * depth_um / TAU * NODES_PER_TURN).ceil().min(1e6) as usize).max(FEWEST_NODES);
         let per_q = nodes as f64 / most_q;
         let step = STEP * densities.window.sigma;
-        // Two more than are reached, for cubics.
+        // Two more than are needed, for cubic interpolation.
         let half = [(2.0 * RANGE[1] / step).min(1e6) as i32 + 2; 2];
         let [width, height] = half.map(|h| (2 * h + 1) as usize);
         let row = nodes + 3;
@@ -67,7 +69,7 @@ impl PowerTable {
             for (n, value) in values[1..row - 1].iter_mut().enumerate() {
                 *value = densities.at(at, n as f64 / per_q, w) as f32;
             }
-            // Straight on beyond both ends.
+            // Linear extrapolation beyond both ends.
             values[0] = 2.0 * values[1] - values[2];
             values[row - 1] = 2.0 * values[row - 2] - values[row - 3];
         });
@@ -77,13 +79,13 @@ impl PowerTable {
         Ok(Some(table).filter(|t| t.error <= error))
     }
 
-    /// Mean absolute difference from the densities themselves over their mean, over frequencies and `q` by chance.
+    /// Mean absolute difference from the exact densities, relative to their mean, at random frequencies and `q`.
     fn compared(&self, densities: &Densities) -> f64 {
         let mut random = Stream::of(0);
         let (mut off, mut sum, mut w) = (0.0, 0.0, Workspace::default());
         for _ in 0..PROBES {
             let [x, y, q] = random.numbers();
-            // Half of them near to the mirror direction.
+            // Half of them are close to the mirror direction.
             let near = if random.next() < 0.5 { 0.1 } else { 1.0 };
             let place = [x, y].map(|v| (2.0 * v - 1.0) * RANGE[1] * near);
             let q = q * 2.0 * TAU * RANGE[1];

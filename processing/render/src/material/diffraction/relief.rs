@@ -1,4 +1,4 @@
-//! Measured height fields in a scene: Stam's BRDF by the cheapest method that is as exact as asked for (see [`nacre_brdf`]).
+//! Measured height fields in a scene: Stam's BRDF by the cheapest method of the required accuracy (see [`nacre_brdf`]).
 
 use crate::light::Source;
 use crate::material::diffraction::albedo_normalisation::{AlbedoNormalisation, sides};
@@ -16,41 +16,42 @@ use nacre_image::Precision;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Longest coherence in µm that sums over lights from everywhere are made with, and that the albedo is taken with.
+/// Longest coherence length in µm for sums over environment light, and for the albedo.
 const COARSE_UM: f64 = 32.0;
 const NORM_UM: f64 = 8.0;
 
-/// Least error that is asked of terms in single precision.
+/// Smallest error that single-precision terms can meet.
 const SINGLE: f64 = 1e-3;
 
-/// Wave numbers of a sample under an environment, and directions of the environment's for each, and of the patch's, from which few are chosen.
+/// Wave numbers per sample under an environment, directions per wave number drawn from the environment, and directions
+/// drawn from the patch; few of them are selected.
 const NUMBERS: usize = 4;
 const CANDIDATES: usize = 6;
 
 /// Importance sampling of an environment.
 struct SkySums {
     sampler: Arc<LightSampler>,
-    /// Power densities; without a table that is accurate enough, those of [`Relief::coarse`].
+    /// Power densities; `None` if no table is accurate enough, in which case [`Relief::coarse`] is used.
     table: Option<Arc<PowerTable>>,
 }
 
-/// A height field ready for use.
+/// A prepared height field.
 pub(crate) struct Relief {
     field: HeightField,
     coherence_um: f64,
     densities: Densities,
-    /// The same with a coherence that is short enough for sums over the frequencies of its patch.
+    /// Densities with a coherence length short enough for sums over the frequencies of the patch.
     coarse: Densities,
     pub reflectance: Reflectance,
-    /// Directions of the patch's axes.
+    /// Direction of the patch's axes.
     pub turn: [f64; 2],
     norm: Arc<AlbedoNormalisation>,
     /// For scenes with an environment.
     sky: Option<SkySums>,
     pub lossless: bool,
-    /// How densities are computed, in words.
+    /// Description of the method.
     pub why: String,
-    /// The error that is predicted of lobes with a thousandth of the light.
+    /// Predicted error of lobes with at least a thousandth of the light.
     pub error: f64,
 }
 
@@ -66,7 +67,8 @@ impl SkySums {
         Ok(Self { sampler: Arc::new(sampler), table })
     }
 
-    /// The same for another error: without the table where its own error is larger, so that a comparison of both measures it.
+    /// The same relief for another error. The table is dropped if its error is larger, so that a comparison of both
+    /// reliefs includes it.
     fn within(&self, error: f64) -> Self {
         let table = self.table.clone().filter(|table| table.error <= error);
         Self { sampler: Arc::clone(&self.sampler), table }
@@ -74,10 +76,11 @@ impl SkySums {
 }
 
 impl Relief {
-    /// Of a height field. `like` is the same one made for another error, if there is one; `under` says whether the scene has an environment.
+    /// Prepares a height field. `like` is the same one prepared for another error, if any; `under` states whether the
+    /// scene has an environment.
     ///
     /// # Errors
-    /// `Input` when its pitch does not suffice.
+    /// `Input` if its pitch is too coarse.
     pub(crate) fn new(
         field: &HeightField,
         (coherence_um, reflectance): (f64, Reflectance),
@@ -117,8 +120,8 @@ impl Relief {
         })
     }
 
-    /// The terms of an expansion of its phases whose densities are off by less than `error`, or by what single precision leaves of deep fields, as
-    /// cards look them up.
+    /// Terms of its phase expansion for graphics cards, with a density error below `error`, or below the limit of
+    /// single precision for deep fields.
     ///
     /// # Errors
     /// As [`TermSet::new`].
@@ -139,41 +142,42 @@ impl Relief {
         self.densities.window.sigma
     }
 
-    /// The same of sums over lights from everywhere.
+    /// Standard deviation of a lobe in sums over environment light, in 1/µm.
     pub(crate) fn sigma_under(&self) -> f64 {
         self.coarse.window.sigma
     }
 
-    /// What directions of view are divided by.
+    /// Albedo normalisation over directions of view.
     pub(crate) fn norm(&self) -> &AlbedoNormalisation {
         &self.norm
     }
 
-    /// In the patch's own frame.
+    /// Transforms a direction into the patch's frame.
     fn own(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let [cos, sin] = self.turn;
         [cos * x + sin * y, cos * y - sin * x, z]
     }
 
-    /// Of the patch's own frame.
+    /// Transforms a direction from the patch's frame.
     fn scene(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let [cos, sin] = self.turn;
         [cos * x - sin * y, sin * x + cos * y, z]
     }
 
-    /// Divisor of a direction of view, times its cosine, from its albedo times the cosine.
+    /// Divisor for a direction of view, times its cosine, from its albedo times the cosine.
     fn divided_by(&self, albedo: f64, view: [f64; 3]) -> f64 {
         if self.lossless { albedo.max(1e-9) } else { albedo.max(view[2]) }
     }
 
-    /// BRDF times the cosine of the light at a wave number, in the patch's own frame, before the reflectance and [`Self::divided_by`].
+    /// BRDF times the cosine of incidence at a wave number, in the patch's frame, before the reflectance and
+    /// [`Self::divided_by`].
     fn value(&self, light: [f64; 3], view: [f64; 3], number: f64, density: impl FnOnce([f64; 2], f64) -> f64) -> f64 {
         let f = [0, 1].map(|k| (light[k] + view[k]) * number);
         let density = density(f, TAU * number * (light[2] + view[2]));
         density * number * number * gain(light, view)
     }
 
-    /// BRDF times the cosine of a place of a small light, summed up over its spectrum: X, Y, Z.
+    /// BRDF times the cosine of incidence for a point of a small light, integrated over its spectrum: X, Y, Z.
     pub(crate) fn lit(&self, view: [f64; 3], source: &Source, accuracy: &Accuracy, w: &mut Workspace) -> [f64; 3] {
         let (view, light, seen) = (self.own(view), self.own(source.drawn()), source.seen);
         if light[2] <= 0.0 {
@@ -191,8 +195,9 @@ impl Relief {
         })
     }
 
-    /// Light of an environment: X, Y, Z. At each of [`NUMBERS`] wave numbers, directions are drawn by the environment's and by the patch's densities and
-    /// weighted by the balance heuristic. [`Pool`] chooses few of them by their estimated light; only these are traced through the scene.
+    /// Light of an environment: X, Y, Z. At each of [`NUMBERS`] wave numbers, directions are drawn from the densities
+    /// of the environment and of the patch, and weighted by the balance heuristic. [`Pool`] selects few of them by
+    /// their estimated light; only these are traced through the scene.
     pub(crate) fn under(&self, view: [f64; 3], above: &Above, random: &mut Stream, w: &mut Workspace) -> [f64; 3] {
         let (mut sum, Some(sky)) = ([0.0; 3], &self.sky) else { return [0.0; 3] };
         let view = self.own(view);

@@ -1,4 +1,4 @@
-//! Slits (2017 TOG, Eq. 16; in all directions, Fig. 20) and lattices of rectangles that alone reflect.
+//! Reflecting slits (2017 TOG, Eq. 16; in all directions, Fig. 20) and lattices of reflecting rectangles.
 
 use crate::light::spectrum::Seen;
 use crate::light::viewer::RANGE;
@@ -10,7 +10,7 @@ use nacre_base::{Error, Result};
 use nacre_brdf::{Reflectance, Slits, Window};
 use std::f64::consts::{PI, TAU};
 
-/// Orders of rectangles that samples of an environment are drawn from, to each side.
+/// Orders of rectangles per side that are sampled under an environment.
 const ORDERS: i32 = 24;
 
 fn sinc_square(x: f64) -> f64 {
@@ -18,33 +18,33 @@ fn sinc_square(x: f64) -> f64 {
     if x.abs() < 1e-6 { 1.0 - x * x / 3.0 } else { (x.sin() / x).powi(2) }
 }
 
-/// How slits lie.
+/// Arrangement of the slits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SlitLayout {
-    /// Across one direction.
+    /// Perpendicular to one direction.
     Parallel,
-    /// Around the middle of a disc.
+    /// Around the centre of a disc.
     Disc,
-    /// Small patches of parallel slits in all directions, which no pixel tells apart.
+    /// Small patches of parallel slits in all directions, below the resolution of a pixel.
     Radial,
 }
 
 /// Slits on a surface.
 pub(crate) struct Comb {
     pub slits: Slits,
-    /// Their orders, which are balanced as those of any grating.
+    /// Their orders, balanced as those of any grating.
     pub orders: Grating,
     pub across: [f64; 2],
     pub layout: SlitLayout,
-    /// Standard deviation along the slits, 1/µm.
+    /// Standard deviation of the window along the slits, 1/µm.
     sigma: f64,
 }
 
 impl Comb {
-    /// Of slits.
+    /// Prepares slits.
     ///
     /// # Errors
-    /// `Input` for what makes no sense.
+    /// `Input` for invalid values.
     pub(crate) fn new(slits: Slits, orientation: f64, layout: SlitLayout) -> Result<Self> {
         slits.check()?;
         if slits.spacing_um > 200.0 {
@@ -53,19 +53,19 @@ impl Comb {
         let share = slits.width_um / slits.spacing_um;
         let most = (2.0 * slits.spacing_um * RANGE[1]).ceil() as usize + 1;
         let powers: Vec<f64> = (0..=most).map(|m| share * sinc_square(m as f64 * share)).collect();
-        // As wide as all of them together.
+        // A window as wide as all slits together.
         let sigma = Window::new((slits.spacing_um * slits.count as f64).clamp(1.0, 1e4))?.sigma;
         let orders = Grating::of_powers(&powers, sigma, Reflectance::Perfect);
         Ok(Self { slits, orders, across: [orientation.cos(), orientation.sin()], layout, sigma })
     }
 
-    /// The grating vector at a place.
+    /// The grating vector at a point.
     fn groove(&self, uv: [f64; 2]) -> Option<Groove> {
         let across = if self.layout == SlitLayout::Disc { radial(uv)? } else { self.across };
         Some(Groove { across, period_um: self.slits.spacing_um })
     }
 
-    /// The slits that a sample of an environment meets: any of those in all directions.
+    /// The slits of one environment sample: a random direction if they lie in all directions.
     pub(crate) fn turned(&self, random: &mut Stream) -> Turned<'_> {
         let across = match self.layout {
             SlitLayout::Radial => {
@@ -77,13 +77,13 @@ impl Comb {
         Turned { comb: self, across }
     }
 
-    /// Part of the surface that reflects.
+    /// Reflecting fraction of the surface.
     pub(crate) fn share(&self) -> f64 {
         self.slits.width_um / self.slits.spacing_um
     }
 
-    /// BRDF under a small light, summed up over its spectrum: X, Y, Z. `f = share · S(f) · N(f along) · ν²`, with
-    /// `S = N w · sinc² · (D_N/N)²`, whose integral over all f is 1, times what balance makes of the nearest order.
+    /// BRDF under a small light, integrated over its spectrum: X, Y, Z. `f = share · S(f) · N(f along) · ν²`, with
+    /// `S = N w · sinc² · (D_N/N)²`, whose integral over all f is 1, times the balancing factor of the nearest order.
     pub(crate) fn lit(
         &self,
         uv: [f64; 2],
@@ -95,21 +95,23 @@ impl Comb {
         let Some(mut groove) = self.groove(uv) else { return [0.0; 3] };
         let t = [view[0] + light[0], view[1] + light[1]];
         let length = t[0].hypot(t[1]);
-        // Of patches in all directions those that lie across the half vector send their orders there.
+        // Of patches in all directions, those perpendicular to the half vector diffract there.
         let all_around = self.layout == SlitLayout::Radial;
         if all_around && length > 0.0 {
             groove.across = t.map(|v| v / length);
         }
         let [c, s] = groove.across;
         let (across, beside) = (t[0] * c + t[1] * s, t[1] * c - t[0] * s);
-        // A light of some width is averaged over the slits' sharp function along its direction across them.
+        // For an extended light the sharp function across the slits is averaged over the light's width in that
+        // direction.
         let blur = width * (1.0 - (light[0] * c + light[1] * s).powi(2)).max(0.0).sqrt();
         let narrow = self.sigma.hypot(RANGE[0] * width);
         if beside.abs() * RANGE[0] > accuracy.reach * self.sigma.hypot(RANGE[1] * width) {
             return [0.0; 3];
         }
-        // Bandwidths of a product add up: of the sum over slits, whose fastest part is that of the farthest two whose light interferes, of the
-        // window along them, and of the spectrum. The trapezoid rule is as exact as on the spectrum alone where its frequency is their sum.
+        // The bandwidths of the factors add up: the sum over slits (its fastest part belongs to the two farthest
+        // coherent slits), the window along them, and the spectrum. The trapezoid rule keeps its accuracy if its
+        // sampling frequency is their sum.
         let spacings = 1.0 + self.slits.coherent_spacings(RANGE[0] * blur) as f64;
         let fastest = spacings * self.slits.spacing_um * across.abs() + beside.abs() / narrow + 1.0 / seen.fine;
         let norm = self.slits.count as f64 * self.slits.width_um;
@@ -118,7 +120,7 @@ impl Comb {
         along(seen, seen.range(), 1.0 / fastest, &exact, |number| {
             let sigma = self.sigma.hypot(number * width);
             let window = if all_around {
-                // The mean of the window below over all directions of the slits.
+                // Mean of the window below over all directions of the slits.
                 scaled_bessel(0.25 * (length * number / sigma).powi(2)) / (TAU.sqrt() * sigma)
             } else {
                 let off = beside * number / sigma;
@@ -138,14 +140,14 @@ impl Comb {
         })
     }
 
-    /// Balanced over scalar power at a spatial frequency across the slits: of the nearest order, or the mean of those that a light of standard
-    /// deviation `blur` (1/µm) covers. Orders below the horizon have none.
+    /// Ratio of balanced to scalar power at a spatial frequency across the slits. It is that of the nearest order, or
+    /// the mean over the orders covered by a light of standard deviation `blur` (1/µm). Evanescent orders have zero.
     fn balance(&self, balanced: &[(i32, f64)], frequency: f64, blur: f64) -> f64 {
         let place = frequency * self.slits.spacing_um;
         let nearest = place.round() as i32;
         let wide = blur * self.slits.spacing_um;
         let power = |m: i32| [balanced.iter().find(|o| o.0 == m).map_or(0.0, |o| o.1), self.orders.power(m, 0.0)];
-        // Five standard deviations; a narrower light than this lies within the reach of one order.
+        // Five standard deviations; a narrower light lies within one order.
         let around = (5.0 * wide).min(1e6) as i32;
         let mut sums = [0.0; 2];
         for m in if wide > 0.05 { nearest - around..=nearest + around } else { nearest..=nearest } {
@@ -157,14 +159,14 @@ impl Comb {
     }
 }
 
-/// Slits of one direction at every place.
+/// Slits of one direction at every point.
 pub(crate) struct Turned<'a> {
     comb: &'a Comb,
     across: Option<[f64; 2]>,
 }
 
 impl Turned<'_> {
-    /// Light of an environment that is seen: X, Y, Z.
+    /// Light of an environment reflected towards the view: X, Y, Z.
     pub(crate) fn under(
         &self,
         above: &Above,
@@ -179,7 +181,7 @@ impl Turned<'_> {
     }
 }
 
-/// `exp(-x) I0(x)` of x from 0 on, to 2e-7 (Abramowitz and Stegun 9.8.1 and 9.8.2).
+/// `exp(-x) I0(x)` for x ≥ 0, to 2e-7 (Abramowitz and Stegun 9.8.1 and 9.8.2).
 fn scaled_bessel(x: f64) -> f64 {
     let sum = |of: &[f64], t: f64| of.iter().rev().fold(0.0, |sum, c| sum * t + c);
     if x < 3.75 {
@@ -201,7 +203,7 @@ fn scaled_bessel(x: f64) -> f64 {
     }
 }
 
-/// The direction away from the middle of (u, v); none in the middle.
+/// Radial direction from the centre of (u, v); `None` at the centre.
 pub(crate) fn radial([u, v]: [f64; 2]) -> Option<[f64; 2]> {
     let (x, y) = (u - 0.5, v - 0.5);
     let r = x.hypot(y);
@@ -215,15 +217,15 @@ pub(crate) struct Lattice {
     pub turn: [f64; 2],
     pub sigma: f64,
     pub reflectance: Reflectance,
-    /// Running sum over the orders' powers along each axis.
+    /// Cumulative sums of the orders' powers along each axis.
     pub running: [Vec<f64>; 2],
 }
 
 impl Lattice {
-    /// Of rectangles.
+    /// Prepares rectangles.
     ///
     /// # Errors
-    /// `Input` for what makes no sense.
+    /// `Input` for invalid values.
     pub(crate) fn new(
         key: &str,
         period: [f64; 2],
@@ -255,7 +257,7 @@ impl Lattice {
         Ok(Self { period, aperture, turn: [orientation.cos(), orientation.sin()], sigma, reflectance, running })
     }
 
-    /// Part of the surface that reflects.
+    /// Reflecting fraction of the surface.
     pub(crate) fn share(&self) -> f64 {
         self.aperture[0] * self.aperture[1] / (self.period[0] * self.period[1])
     }
@@ -265,8 +267,8 @@ impl Lattice {
         [cos * x + sin * y, cos * y - sin * x, z]
     }
 
-    /// BRDF under a small light, summed up over its spectrum: X, Y, Z. Orders lie near to the mirror direction, where scalar theory's gain is 1
-    /// and nothing is to be balanced.
+    /// BRDF under a small light, integrated over its spectrum: X, Y, Z. Orders lie close to the mirror direction, where
+    /// scalar theory's gain is 1 and no balancing is needed.
     pub(crate) fn lit(
         &self,
         [view, light]: [[f64; 3]; 2],
@@ -282,7 +284,7 @@ impl Lattice {
         let reach = accuracy.reach * self.sigma.hypot(width * RANGE[1]);
         along(seen, seen.range(), deviation, accuracy, |number| {
             let f = [t[0] * number, t[1] * number];
-            // Orders whose lobes reach so far; between them it is dark.
+            // Orders whose lobes reach the direction; the light between lobes is negligible.
             let near = [0, 1].map(|k| {
                 let [low, high] = [f[k] - reach, f[k] + reach].map(|v| v * self.period[k]);
                 low.ceil() as i64..=high.floor() as i64
@@ -297,13 +299,13 @@ impl Lattice {
                     sum += wide * high * blur.at([f[0] - x, f[1] - y], number);
                 }
             }
-            // Powers of all orders add up to 1.
+            // The powers of all orders add up to 1.
             sum * share * share * number * number * self.reflectance.at(cos, 1e3 / number)
         })
     }
 
-    /// Where light comes from at a wave number, for two numbers from 0 to 1 that choose an order by its power, and two that blur it. What would
-    /// come from below the horizon comes from the mirror direction.
+    /// Direction of light at a wave number. Two numbers from 0 to 1 select an order by its power, two blur it. A
+    /// direction below the horizon is replaced by the mirror direction.
     pub(crate) fn sample(&self, view: [f64; 3], number: f64, u: [f64; 4]) -> ([f64; 3], f64) {
         let own = self.own(view);
         let order = [0, 1].map(|k| {

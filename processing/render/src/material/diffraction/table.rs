@@ -1,4 +1,5 @@
-//! Tables over half vectors (2017 TOG): `f = S(ωi + ωo) (1 + ωi·ωo)² / (cos θi cos θo)` per channel of linear sRGB.
+//! Lookup tables over half vectors (2017 TOG): `f = S(ωi + ωo) (1 + ωi·ωo)² / (cos θi cos θo)` per channel of linear
+//! sRGB.
 
 use crate::environment::factor::{Factors, Settings};
 use crate::environment::{self, Entry, LUT_REMEDY, Lut, Reflected, correlate, entry, light};
@@ -8,33 +9,33 @@ use nacre_optics::color::{Illuminant, Observer, linear_srgb};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Most entries of a side that the albedo and samples are taken from.
+/// Maximum number of entries along a side for albedo and sampling.
 const COARSE: usize = 192;
 
-/// Sines of view along a side at which cards know the albedo.
+/// Sines of view along a side of the albedo texture for graphics cards.
 pub(crate) const VIEWS: usize = 81;
 
-/// Most entries of a side that are factored: environments for two passes have no finer pixels.
+/// Maximum number of entries along a side that are factorised: environments for two passes have no finer pixels.
 const FACTORED: usize = 256;
 
-/// A table ready for use.
+/// A prepared lookup table.
 pub(crate) struct Table {
     pub size: usize,
     pub extent: f64,
     pub warp: f64,
-    /// Linear sRGB, relative to the table's own light.
+    /// Linear sRGB, relative to the table's illuminant.
     pub rgb: Vec<[f32; 3]>,
-    /// Part of the entries that is not known and counts as dark.
+    /// Fraction of unknown entries, which count as dark.
     pub unknown: f64,
-    /// What a white sky's light becomes: the albedo times cos θ of view, before it is scaled.
+    /// Reflection of a white sky: the albedo times the cosine of view, before scaling.
     white: Reflected,
     pub scale: f64,
     pub lossless: bool,
-    /// Folder with its curves, if the scene names one.
+    /// Folder of its factorisation, if the scene names one.
     pub factors: Option<PathBuf>,
-    /// What is white under the table's own light, linear sRGB of the file's entries.
+    /// White under the table's illuminant, in linear sRGB of the file's entries.
     white_point: [f64; 3],
-    /// Running sum over coarse entries, and how many there are along a side.
+    /// Cumulative sum over coarse entries, and their number along a side.
     running: Vec<f64>,
     coarse: usize,
 }
@@ -43,10 +44,10 @@ impl Table {
     /// Reads a `lut.exr`.
     ///
     /// # Errors
-    /// `Input` for what is none.
+    /// `Input` for other files.
     pub(crate) fn read(path: &Path, observer: Observer, albedo: f64, lossless: bool) -> Result<Self> {
         let lut = Lut::read(path)?;
-        // What a table says is not a file to be opened: it may come from anywhere.
+        // The table's illuminant name must not be opened as a file: the table may come from an untrusted source.
         let white = match (Illuminant::named(&lut.illuminant), lut.white) {
             (Some(light), _) => light.white(observer),
             (None, white) => white,
@@ -89,10 +90,11 @@ impl Table {
         Ok(table)
     }
 
-    /// The table with even entries, and as products of curves: those of its folder, or as many terms as the error of the table needs, or `rank` of either.
+    /// The resampled table and its factorisation. It is read from the table's folder, or computed with as many terms as
+    /// the error requires; at most `rank` terms in either case.
     ///
     /// # Errors
-    /// `Input` for a folder that holds no curves of this table.
+    /// `Input` for a folder without curves of this table.
     pub(crate) fn factored(&self, rank: Option<usize>, max_error: f64) -> Result<(Factors, environment::Table)> {
         let table = self.even()?;
         let factors = match (&self.factors, rank) {
@@ -105,7 +107,8 @@ impl Table {
         Ok((factors, table))
     }
 
-    /// The table with entries that are even in the half vector: its own, or means of them where it has more than [`FACTORED`] along a side.
+    /// The table with entries equidistant in the half vector: its original entries, or means of them if it has more
+    /// than [`FACTORED`] along a side.
     fn even(&self) -> Result<environment::Table> {
         if self.warp == 1.0 && self.size <= FACTORED {
             return environment::Table::of(self.size, self.extent, self.rgb.clone());
@@ -124,7 +127,7 @@ impl Table {
         })
     }
 
-    /// What samples are drawn by: coarse entries, their means.
+    /// Prepares sampling: means over coarse entries.
     fn prepare(&mut self) {
         let n = self.coarse;
         let cell = 2.0 * self.extent / n as f64;
@@ -143,16 +146,16 @@ impl Table {
         self.running = coarse
             .iter()
             .map(|v| {
-                // No entry is never drawn.
+                // Every entry has a positive probability.
                 sum += v.iter().sum::<f64>().max(0.0) + 1e-4 * brightest;
                 sum
             })
             .collect();
     }
 
-    /// Mean over a cell of half vectors, so that edges and what is narrower than a cell count for what they are.
+    /// Mean over a cell of half vectors, so that edges and details narrower than a cell have the correct weight.
     pub(crate) fn around(&self, [x, y]: [f64; 2], cell: f64) -> Entry {
-        // Even: the table's edge may run through the middle of a cell, which it halves.
+        // An even number: the table's edge may run through the centre of a cell, which it then halves exactly.
         let count = 2 * (0.5 * cell * self.size as f64 / self.extent).ceil().clamp(2.0, 8.0) as usize;
         let at = |k: usize| ((k as f64 + 0.5) / count as f64 - 0.5) * cell;
         let mut sum = [[0.0; 3]; 3];
@@ -167,7 +170,7 @@ impl Table {
         sum.map(|power| power.map(|v| v / (count * count) as f64))
     }
 
-    /// Albedo times cos θ at [`VIEWS`] sines of view along a side; beyond the circle, that of its rim.
+    /// Albedo times cos θ at [`VIEWS`] sines of view along a side; beyond the circle, the value at its rim.
     pub(crate) fn albedo(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
         (0..VIEWS * VIEWS).map(|i| {
             let at = |k: usize| (2.0 * k as f64 / (VIEWS - 1) as f64 - 1.0) * 0.999;
@@ -178,7 +181,7 @@ impl Table {
         })
     }
 
-    /// The table's own entry at a half vector, linear between entries; dark outside.
+    /// The table's original entry at a half vector, by linear interpolation; dark outside.
     pub(crate) fn raw(&self, h: [f64; 2]) -> [f64; 3] {
         let place = |v: f64| {
             let even = (v / self.extent).abs().powf(1.0 / self.warp).copysign(v);
@@ -200,12 +203,12 @@ impl Table {
         })
     }
 
-    /// Albedo times cos θ, of a direction of view.
+    /// Albedo times cos θ of a direction of view.
     fn albedo_cos(&self, view: [f64; 3]) -> [f64; 3] {
         self.white.at(view).map(|v| v * self.scale)
     }
 
-    /// BRDF times the cosine of the light, linear sRGB under the table's own light.
+    /// BRDF times the cosine of incidence, linear sRGB under the table's illuminant.
     pub(crate) fn scattered(&self, light: [f64; 3], view: [f64; 3]) -> [f64; 3] {
         if light[2] <= 0.0 || view[2] <= 0.0 {
             return [0.0; 3];
@@ -217,20 +220,21 @@ impl Table {
         [0, 1, 2].map(|c| rgb[c] * gain / whole[c])
     }
 
-    /// What light towards a direction of view is divided by, so that what comes in at most goes out.
+    /// Divisor of the reflected light for a direction of view, which prevents reflection of more than the incident
+    /// light.
     pub(crate) fn whole(&self, view: [f64; 3]) -> [f64; 3] {
         let least = if self.lossless { 1e-9 } else { view[2].max(1e-9) };
         self.albedo_cos(view).map(|albedo| albedo.max(least))
     }
 
-    /// Cells along a side by which half vectors are drawn, and each one's share of the draws; rows go up.
+    /// Cells along a side for sampling half vectors, and the share of draws of each; rows go up.
     pub(crate) fn shares(&self) -> (usize, Vec<f64>) {
         let total = self.running.last().copied().unwrap_or(1.0);
         let before = std::iter::once(&0.0).chain(&self.running);
         (self.coarse, self.running.iter().zip(before).map(|(to, from)| (to - from) / total).collect())
     }
 
-    /// A direction of light for two numbers from 0 to 1; it may lie below the horizon.
+    /// A direction of light from two numbers from 0 to 1; it may lie below the horizon.
     pub(crate) fn sample(&self, view: [f64; 3], u: [f64; 2]) -> Option<[f64; 3]> {
         let n = self.coarse;
         let total = self.running[n * n - 1];

@@ -1,4 +1,4 @@
-//! Environments that two passes filter around a pole.
+//! Environments filtered by two passes around a pole.
 
 use crate::environment::factor::Part;
 use crate::environment::{Environment, two_pass};
@@ -9,10 +9,10 @@ use nacre_base::progress::Progress;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Places along either side of a pixel in which a sky is looked up.
+/// Sky lookups along each side of a pixel.
 const PLACES: usize = 2;
 
-/// A sky, scaled to about the pixels that are filtered.
+/// A sky, scaled to about the resolution of the filtered one.
 pub(super) struct Source<'a> {
     sky: &'a Sky,
     map: Environment,
@@ -28,8 +28,8 @@ impl<'a> Source<'a> {
         Self { sky, map, width }
     }
 
-    /// Filtered around a pole: the first of the paper's rotations and the two passes (2017 CVMP, section 5.2). The second rotation is that of the
-    /// lookup.
+    /// Filters around a pole: the first of the paper's rotations and the two passes (2017 CVMP, section 5.2). The
+    /// second rotation takes place in the lookup.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -60,7 +60,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// What surfaces reflect whose mirror direction is each one, times the cosine of view: twice as many columns as rows, row 0 at the pole.
+/// Reflection for each mirror direction, times the cosine of view: twice as many columns as rows, row 0 at the pole.
 pub(super) struct Filtered {
     axes: [V3; 3],
     width: usize,
@@ -68,8 +68,8 @@ pub(super) struct Filtered {
 }
 
 impl Filtered {
-    /// In a direction, linear between the centres of pixels. The table turns about a pole with the meridians, so that nothing is taken from
-    /// across it.
+    /// Value in a direction, linear between pixel centres. The table rotates with the meridians about a pole, so there
+    /// is no interpolation across it.
     pub(super) fn at(&self, towards: V3) -> [f64; 3] {
         let [x, y, z] = self.axes.map(|axis| axis.dot(&towards));
         let (width, height) = (self.width, self.width / 2);

@@ -1,13 +1,16 @@
-//! Tables under environments by lookups in filtered environments (2017 TOG, section 6.2), which two passes made (2017 CVMP, section 4).
+//! Lookup tables under environments by filtered environments (2017 TOG, section 6.2), which are computed in two passes
+//! (2017 CVMP, section 4).
 //!
-//! A filtered environment holds, for each mirror direction, what surfaces of a table reflect there that are tilted by a certain angle, with a direction
-//! of the table towards the environment's pole. Where a place's table lies decides the pole: the great circle from the mirror direction along
-//! the table's direction passes through it. So one pole does for a plane and for a cylinder whose axis is a direction of the table. For other
-//! shapes, whose table turns from place to place, there are poles all around one great circle, which every other great circle crosses, and a
-//! place is interpolated between the nearest two.
+//! A filtered environment holds, for each mirror direction, the reflection of surfaces with a certain tilt, with a
+//! direction of the table towards the environment's pole. The orientation of the table at a point determines the pole:
+//! the great circle from the mirror direction along the table's direction passes through it. A single pole therefore
+//! suffices for a plane, and for a cylinder whose axis is a direction of the table. On other shapes the table's
+//! orientation varies. Their poles are distributed around one great circle, which every other great circle intersects,
+//! and a point is interpolated between the nearest two.
 //!
-//! The papers' surfaces face the viewer. Here there are environments for a grid of tilts, between which a place is interpolated: finer tilts,
-//! poles and pixels and more terms lead to the whole integral.
+//! The papers' surfaces face the viewer. Here environments are filtered for a grid of tilts, and a point is
+//! interpolated between them. With finer tilts, poles and pixels and more terms the result converges to the full
+//! integral.
 
 mod filtered;
 mod poles;
@@ -24,46 +27,46 @@ use poles::Poles;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A place that is looked at: its frame, and the direction towards the viewer.
+/// A visible point: its frame, and the direction towards the viewer.
 pub(crate) type Seen = ([V3; 3], V3);
 
-/// Most bytes of all filtered environments of a shape.
+/// Maximum size of all filtered environments of a shape in bytes.
 const MOST_BYTES: usize = 256 << 20;
 
-/// Width of a curve's cells at least, in pixels of the filtered environment.
+/// Minimum width of a curve's cells, in pixels of the filtered environment.
 const CELL: f64 = 0.25;
 
-/// Terms that tilted surfaces may have beyond twice those of the table.
+/// Terms of tilted surfaces beyond twice those of the table.
 const MORE: usize = 4;
 
-/// Tilts that have less weight than this in a place are left out.
+/// Weight of a tilt below which it is neglected.
 const LITTLE: f64 = 1e-9;
 
-/// How finely environments are filtered.
+/// Resolution of the filtered environments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fineness {
-    /// Columns of a filtered environment, twice the rows.
+    /// Columns of a filtered environment, twice the number of rows.
     pub width: usize,
-    /// Poles around the great circle, where one does not do.
+    /// Poles around the great circle, if one does not suffice.
     pub poles: usize,
-    /// Distance of tilts, rad.
+    /// Spacing of tilts, rad.
     pub tilts: f64,
 }
 
-/// Curves, and the terms that those of tilted surfaces may have.
+/// Curves, and limits for those of tilted surfaces.
 pub(crate) struct Curves {
     pub factors: Factors,
-    /// The table, where it is known beside the curves.
+    /// The table, if it is known in addition to the curves.
     pub table: Option<EvenTable>,
     pub extent: f64,
-    /// Most terms, and the error of the table that need not be met.
+    /// Maximum number of terms, and target error of the table.
     pub terms: (usize, f64),
 }
 
 /// A part of the table, whether its frame is left-handed (planes seen from behind), and a tilt.
 type Key = (usize, bool, [i32; 2]);
 
-/// Where filtered environments are needed, before any is made.
+/// The filtered environments to compute.
 pub(crate) struct Plan<'a> {
     fineness: Fineness,
     curves: &'a Curves,
@@ -76,23 +79,24 @@ pub(crate) struct TwoPass {
     meridians: Vec<f64>,
     tilts: f64,
     nodes: BTreeMap<Key, Node>,
-    /// Places are looked up from this cosine of view on, and drawn by chance below.
+    /// Smallest cosine of view for lookups; below it points are sampled.
     pub least_cosine: f64,
 }
 
-/// Environments of a tilt by pole and sky; poles that no place needs have none.
+/// Environments of a tilt by pole and sky; unused poles have none.
 struct Node {
     poles: Poles,
-    /// Terms of the channel that has the most.
+    /// Largest number of terms over the channels.
     rank: usize,
     maps: Vec<Vec<Filtered>>,
 }
 
-/// How a place looks into a filtered environment.
+/// Lookup coordinates of a point in a filtered environment.
 #[derive(Clone, Copy)]
 struct Look {
     mirror: V3,
-    /// The table's meridian there: that of the surface, turned as the normal is turned to the mirror direction.
+    /// The table's meridian at the mirror direction: that of the surface, rotated as the normal is rotated to the
+    /// mirror direction.
     north: V3,
     left_handed: bool,
     /// Tilt of the surface from the mirror direction, rad, across the table's meridian and along it.
@@ -100,7 +104,7 @@ struct Look {
 }
 
 impl Look {
-    /// None for what is not seen.
+    /// `None` for points that face away.
     fn new((frame, towards): &Seen, meridian: f64) -> Option<Self> {
         let normal = frame[2];
         let cos = normal.dot(towards);
@@ -117,7 +121,7 @@ impl Look {
         Some(Self { mirror, north, left_handed, tilt: [towards.dot(&east), towards.dot(&north)] })
     }
 
-    /// The nine tilts around it, with the weights of parabolas through three of them along each axis: they may be negative.
+    /// The nine neighbouring tilts, with the weights of quadratic interpolation along each axis, which may be negative.
     fn around(&self, tilts: f64) -> [([i32; 2], f64); 9] {
         let place = self.tilt.map(|v| v / tilts);
         let middle = place.map(f64::round);
@@ -133,7 +137,7 @@ impl Look {
 }
 
 impl<'a> Plan<'a> {
-    /// For some places of a shape.
+    /// Plans the environments for some points of a shape.
     pub(crate) fn new(curves: &'a Curves, seen: &[Seen], fineness: Fineness) -> Self {
         let mut looks: BTreeMap<Key, Vec<Look>> = BTreeMap::new();
         for (k, part) in curves.factors.parts.iter().enumerate() {
@@ -149,26 +153,26 @@ impl<'a> Plan<'a> {
         Self { fineness, curves, nodes }
     }
 
-    /// Environments that are to be filtered, per sky.
+    /// Number of environments to filter per sky.
     pub(crate) fn count(&self) -> usize {
         self.nodes.iter().map(|(_, poles)| poles.needed()).sum()
     }
 
-    /// Whether the filtered environments fit into the memory that they may take.
+    /// Whether the filtered environments fit into the permitted memory.
     pub(crate) fn fits(&self, skies: usize) -> bool {
         let Fineness { width, .. } = self.fineness;
         let bytes = (width * width / 2).saturating_mul(size_of::<[f32; 3]>());
         bytes.saturating_mul(self.count()).saturating_mul(skies) <= MOST_BYTES
     }
 
-    /// Multiplications that the passes of one sky take, about.
+    /// Approximate number of multiplications of the passes per sky.
     pub(crate) fn operations(&self) -> f64 {
         let height = self.fineness.width / 2;
         let pixels = (self.fineness.width * height) as f64;
         let cell = CELL * std::f64::consts::TAU / self.fineness.width as f64;
         let columns = |part: &Part| (part.grid.size[0] as f64).min(2.0 * part.grid.reach[0] / cell);
         let of = |part: &Part| {
-            // Four for the light between pixels, and one for each picture between the passes: mirrored curves double them.
+            // Four for interpolation, and one for each intermediate picture; mirrored curves double them.
             let across = |terms: usize| columns(part) * (4.0 + 2.0 * terms as f64);
             let steps = 2.0 * part.grid.reach[1] / std::f64::consts::PI * height as f64;
             part.channels.iter().map(|c| across(c.len()) + c.len() as f64 * steps).sum::<f64>()
@@ -208,14 +212,14 @@ impl<'a> Plan<'a> {
 }
 
 impl TwoPass {
-    /// Most terms of a tilt, of each part.
+    /// Largest number of terms over the tilts, for each part.
     pub(crate) fn ranks(&self) -> Vec<usize> {
         let of = |k: usize| self.nodes.iter().filter(|(key, _)| key.0 == k).map(|(_, node)| node.rank).max();
         (0..self.meridians.len()).map(|k| of(k).unwrap_or(0)).collect()
     }
 
-    /// Radiance of a sky that a table reflects at a place, times the cosine of view, before it is divided by what the table gives back. None where
-    /// no environment was filtered for the place, or it is seen too obliquely.
+    /// Radiance of a sky reflected by a table at a point, times the cosine of view, before albedo normalisation. `None`
+    /// if no environment was filtered for the point, or if it is seen too obliquely.
     pub(crate) fn at(&self, sky: usize, seen: &Seen) -> Option<[f64; 3]> {
         if seen.0[2].dot(&seen.1) < self.least_cosine {
             return None;
@@ -240,12 +244,13 @@ impl TwoPass {
     }
 }
 
-/// What two passes take of a table.
+/// Factorisation of a table for two passes.
 impl Curves {
-    /// The curves of the table's folder, or as many terms as leave `max_error` of the table out; at most `rank` of either.
+    /// The curves of the table's folder, or as many terms as the residual `max_error` requires; at most `rank` terms in
+    /// either case.
     ///
     /// # Errors
-    /// `Input` for a folder that holds no curves of this table.
+    /// `Input` for a folder without curves of this table.
     pub(crate) fn of(table: &Table, rank: Option<usize>, max_error: f64) -> Result<Self> {
         let (factors, own) = table.factored(rank, max_error)?;
         let known = table.factors.is_none().then_some(own);

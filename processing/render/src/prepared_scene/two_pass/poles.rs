@@ -1,26 +1,26 @@
-//! Poles of filtered environments: where the meridians of some places meet.
+//! Poles of filtered environments: common points of the meridians of some surface points.
 
 use super::Look;
 use crate::vector::V3;
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
-/// Part of the places that may lie nearer to the great circle of the poles than its clearance.
+/// Largest fraction of points that lie closer to the great circle of the poles than its clearance.
 const NEAR: f64 = 0.05;
 
-/// Part of the distance of two poles by which a single one may be missed.
+/// Largest distance of the meridians from a single pole, relative to the spacing of several poles.
 const MISSED: f64 = 0.1;
 
 /// Poles of filtered environments.
 pub(super) struct Poles {
     axes: [V3; 2],
-    /// Poles evenly around the great circle of the two axes, or the first axis alone.
+    /// Poles at equal spacing around the great circle of the two axes, or the first axis alone.
     needed: Vec<bool>,
 }
 
 impl Poles {
-    /// For some places: one pole if all their meridians pass it within a tenth of the distance of `count` poles, or those of `count` around a great
-    /// circle that they need.
+    /// Poles for some points. A single pole is used if all meridians pass it within a tenth of the spacing of `count`
+    /// poles. Otherwise it is the subset of `count` poles around a great circle that the points need.
     pub(super) fn new(looks: &[Look], count: usize) -> Self {
         let one = common(looks);
         let off = looks.iter().map(|look| angle(look, one).abs()).fold(0.0, f64::max);
@@ -33,7 +33,7 @@ impl Poles {
                 poles.needed[k] |= weight > 0.0;
             }
         }
-        // Places between those that were looked at may need the next ones.
+        // Points between the examined ones may need the adjacent poles.
         let some = poles.needed.clone();
         poles.needed = (0..count).map(|k| some[k] || some[(k + 1) % count] || some[(k + count - 1) % count]).collect();
         poles
@@ -56,7 +56,7 @@ impl Poles {
         self.axes[0] * cos + if self.needed.len() > 1 { self.axes[1] * sin } else { V3::zeros() }
     }
 
-    /// The two poles that a place's meridian passes between, with their weights.
+    /// The two poles next to a point's meridian, with their weights.
     pub(super) fn around(&self, look: &Look) -> [(usize, f64); 2] {
         let count = self.needed.len();
         if count == 1 {
@@ -64,7 +64,7 @@ impl Poles {
         }
         let [a, b] = self.axes;
         let crossing = look.mirror.cross(&look.north).cross(&a.cross(&b));
-        // A meridian along the great circle meets it everywhere.
+        // A meridian along the great circle intersects it everywhere.
         let crossing = if crossing.norm() > 1e-9 { crossing } else { look.north };
         let crossing = if crossing.dot(&look.north) < 0.0 { -crossing } else { crossing };
         let place = (crossing.dot(&b).atan2(crossing.dot(&a)) / TAU).rem_euclid(1.0) * count as f64;
@@ -76,12 +76,12 @@ impl Poles {
     }
 }
 
-/// Angle at a place from its meridian to a pole, rad.
+/// Angle at a point from its meridian to a pole, rad.
 fn angle(look: &Look, pole: V3) -> f64 {
     pole.dot(&look.mirror.cross(&look.north)).atan2(pole.dot(&look.north))
 }
 
-/// The pole that the meridians of all places pass the nearest (least squares).
+/// The pole closest to the meridians of all points (least squares).
 fn common(looks: &[Look]) -> V3 {
     let mut sum = Matrix3::zeros();
     let mut north = V3::zeros();
@@ -95,7 +95,8 @@ fn common(looks: &[Look]) -> V3 {
     if pole.dot(&north) < 0.0 { -pole } else { pole }
 }
 
-/// Axes of the great circle that lies the farthest from the mirror directions of some places: near to it, poles are close to the places.
+/// Axes of the great circle farthest from the mirror directions of some points: near it, poles would be close to the
+/// points.
 fn circle(looks: &[Look]) -> [V3; 2] {
     let mut sum = Matrix3::zeros();
     let mut mean = V3::zeros();

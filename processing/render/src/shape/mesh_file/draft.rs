@@ -1,4 +1,4 @@
-//! A mesh while it is read: corners, triangles, and counts of everything else.
+//! A mesh under construction: corners, triangles, and counts of everything else.
 
 use super::fault::{Decoded, Fault};
 use super::left_out::LeftOut;
@@ -6,7 +6,7 @@ use super::polygon::{Outline, Triangulation};
 use crate::shape::mesh::{Corner, MOST_TRIANGLES};
 use std::collections::HashMap;
 
-/// A mesh while it is read.
+/// A mesh under construction.
 #[derive(Default)]
 pub(super) struct Draft {
     pub corners: Vec<Corner>,
@@ -17,7 +17,7 @@ pub(super) struct Draft {
 }
 
 impl Draft {
-    /// Adds a corner and returns its number.
+    /// Adds a corner and returns its index.
     pub(super) fn corner(&mut self, corner: Corner) -> Decoded<u32> {
         check_count("corners", self.corners.len() + 1)?;
         if !corner.place.iter().all(|c| c.is_finite()) {
@@ -28,7 +28,7 @@ impl Draft {
         Ok((self.corners.len() - 1) as u32)
     }
 
-    /// Counts the corners of triangles that are about to be added, joints of strips included.
+    /// Counts the corners of triangles to be added, including the joints of strips.
     pub(super) fn count_indices(&mut self, count: usize) -> Decoded<()> {
         self.indices = self.indices.saturating_add(count);
         check_count("triangles", self.indices / 3)
@@ -41,7 +41,7 @@ impl Draft {
         Ok(())
     }
 
-    /// Adds the triangles of a face, whose corners have been added; concave faces are clipped by ears.
+    /// Adds the triangles of a face whose corners have been added; concave faces are triangulated by ear clipping.
     pub(super) fn face(&mut self, face: &[u32]) -> Decoded<()> {
         match face {
             [] => self.left_out.add("face without corners", 1),
@@ -68,7 +68,7 @@ impl Draft {
         Ok(())
     }
 
-    /// Adds the triangles of a strip. Triangles that name a corner twice join its parts and are no surface.
+    /// Adds the triangles of a strip. Triangles with a repeated corner only join its parts and are skipped.
     pub(super) fn strip(&mut self, strip: &[u32]) -> Decoded<()> {
         if strip.len() < 3 {
             self.left_out.add("strip of fewer than three corners", 1);
@@ -90,7 +90,7 @@ impl Draft {
         (2..fan.len()).try_for_each(|k| self.triangle([fan[0], fan[k - 1], fan[k]]))
     }
 
-    /// The draft, if its triangles name corners that exist.
+    /// Returns the draft if its triangles refer to existing corners.
     pub(super) fn checked(self) -> Decoded<Self> {
         let lost = self.triangles.iter().flatten().find(|k| **k as usize >= self.corners.len());
         match lost {
@@ -105,7 +105,7 @@ impl Draft {
     }
 }
 
-/// Refuses more corners or triangles than a mesh may have, before they are allocated.
+/// Refuses too many corners or triangles before they are allocated.
 pub(super) fn check_count(noun: &str, count: usize) -> Decoded<()> {
     if count > MOST_TRIANGLES {
         let problem = format!("has more than {} million {noun}", MOST_TRIANGLES / 1_000_000);
@@ -114,17 +114,17 @@ pub(super) fn check_count(noun: &str, count: usize) -> Decoded<()> {
     Ok(())
 }
 
-/// Fault of a face that names a corner beyond the last one, both counted from zero.
+/// Fault of a face that refers to a missing corner; both numbers are counted from zero.
 pub(super) fn missing_corner(wanted: usize, count: usize) -> Fault {
     Fault::damaged(format!("has a face with vertex {wanted} (counted from 0) of {count}"))
 }
 
-/// Corners of a file that numbers positions, texture coordinates and normals separately: one for each combination.
+/// Corners of a file that indexes positions, texture coordinates and normals separately: one for each combination.
 #[derive(Default)]
 pub(super) struct Combinations<K>(HashMap<K, u32>);
 
 impl<K: Eq + std::hash::Hash> Combinations<K> {
-    /// Number of the corner of a combination, added to the draft the first time.
+    /// Index of the corner of a combination, added to the draft at its first use.
     pub(super) fn corner(&mut self, key: K, draft: &mut Draft, corner: impl FnOnce() -> Corner) -> Decoded<u32> {
         match self.0.entry(key) {
             std::collections::hash_map::Entry::Occupied(known) => Ok(*known.get()),

@@ -1,4 +1,4 @@
-//! Reasons for which a mesh cannot be read, before its path is known.
+//! Faults of a mesh file, before its path is known.
 
 use nacre_base::Error;
 use std::path::Path;
@@ -19,12 +19,12 @@ impl Fault {
         Self { problem: problem.into(), remedy: "export the mesh again".into() }
     }
 
-    /// A file that is not read, with what the user can do.
+    /// An unsupported file, with a remedy for the user.
     pub(super) fn refused(problem: impl Into<String>, remedy: &str) -> Self {
         Self { problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// The error that a user sees.
+    /// Converts to the error shown to the user.
     pub(super) fn at(self, path: &Path) -> Error {
         Error::file(path, self.problem, self.remedy)
     }

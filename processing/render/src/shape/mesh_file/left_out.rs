@@ -1,8 +1,8 @@
-//! Counts of the parts of a mesh file that are not rendered.
+//! Counts of the ignored parts of a mesh file.
 
 use std::collections::BTreeMap;
 
-/// Parts of a mesh file that are not rendered, and faces that are rendered with reserve.
+/// Ignored parts of a mesh file, and faces with an ambiguous surface.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LeftOut {
     counts: BTreeMap<String, usize>,
@@ -17,12 +17,12 @@ impl LeftOut {
         }
     }
 
-    /// Counts a face whose outline crosses itself.
+    /// Counts a self-intersecting face.
     pub(super) fn add_crossing(&mut self) {
         self.crossing += 1;
     }
 
-    /// The counts in words, as in "3 lines, 1 point"; empty where nothing was left out.
+    /// The counts as text, such as "3 lines, 1 point"; empty if nothing was ignored.
     pub(crate) fn words(&self) -> String {
         let word = |(name, count): (&String, &usize)| match (name.split_once(' '), count) {
             (_, 1) => format!("1 {name}"),
@@ -32,7 +32,7 @@ impl LeftOut {
         self.counts.iter().map(word).collect::<Vec<_>>().join(", ")
     }
 
-    /// Warnings of a report, without the file's name.
+    /// Warnings for a report, without the file's name.
     pub(crate) fn warnings(&self) -> Vec<String> {
         let mut warnings = vec![];
         if !self.counts.is_empty() {

@@ -1,6 +1,6 @@
 //! Meshes from OBJ, PLY and glTF files.
 //!
-//! Faces become triangles, concave ones by ear clipping. [`LeftOut`] counts the parts of a file that are not surfaces.
+//! Faces become triangles, concave ones by ear clipping. [`LeftOut`] counts the ignored parts of a file.
 
 mod draft;
 mod fault;
@@ -23,15 +23,15 @@ use nacre_base::input::{self, Unreadable};
 use nacre_base::{Error, Result};
 use std::path::Path;
 
-/// Largest file, in bytes.
+/// Maximum file size in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
 const REMEDY: &str = "give an OBJ, PLY or glTF (.gltf, .glb) file";
 
-/// Reads a mesh. The first bytes decide the format, or the ending where they do not.
+/// Reads a mesh. The first bytes determine the format, or else the file extension.
 ///
 /// # Errors
-/// `Input` for other formats and for files that are damaged, too large, or need a feature that is not read.
+/// `Input` for other formats, and for files that are damaged, too large, or need an unsupported feature.
 pub(crate) fn read(path: &Path) -> Result<Raw> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let bytes = bytes(path)?;
@@ -66,7 +66,7 @@ fn bytes(path: &Path) -> Result<Vec<u8>> {
     })
 }
 
-/// The file without a byte order mark, as text; UTF-16 is decoded.
+/// The file as text without a byte order mark; UTF-16 is decoded.
 fn text(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
     let utf16 = |bytes: &[u8], word: fn([u8; 2]) -> u16| {
         let words: Vec<u16> = bytes.as_chunks::<2>().0.iter().map(|pair| word(*pair)).collect();

@@ -1,4 +1,4 @@
-//! Wavefront OBJ: polygons with texture coordinates and normals. Materials are the scene's.
+//! Wavefront OBJ: polygons with texture coordinates and normals. Materials are ignored.
 
 use super::draft::{Combinations, Draft, check_count};
 use super::fault::{Decoded, Fault};
@@ -9,10 +9,10 @@ use std::collections::BTreeSet;
 
 const CORRECT: &str = "correct the line, or export the mesh again";
 
-/// Number of a texture coordinate or normal that a corner does not have.
+/// Index of a missing texture coordinate or normal.
 const NONE: u32 = u32::MAX;
 
-/// Statements without a surface, and the name that counts them.
+/// Ignored statements, and the names under which they are counted.
 const LEFT_OUT: [(&str, &str); 9] = [
     ("l", "line"),
     ("p", "point"),
@@ -94,7 +94,7 @@ impl Statements {
         Ok(())
     }
 
-    /// Numbers of a corner such as `3`, `3/1`, `3//2`, `3/1/2` or `-1/-1/-1`.
+    /// Indices of a corner such as `3`, `3/1`, `3//2`, `3/1/2` or `-1/-1/-1`.
     fn corner(&self, text: &str) -> Result<[u32; 3], String> {
         let counts = [self.places.len(), self.uvs.len(), self.normals.len()];
         let mut numbers = [NONE; 3];
@@ -107,7 +107,7 @@ impl Statements {
                 continue;
             }
             let index: i64 = part.parse().map_err(|_| format!("{part:?} in {text:?} is no whole number"))?;
-            // Negative numbers count back from the last statement so far; positive ones may name later statements.
+            // Negative indices count back from the last statement so far; positive ones may refer to later statements.
             let index = if index < 0 { count as i64 + index } else { index - 1 };
             *number = u32::try_from(index).ok().filter(|k| *k != NONE).ok_or_else(|| match part.trim() {
                 "0" => format!("{text:?} has the number 0; numbers begin with 1"),
@@ -146,7 +146,7 @@ impl Statements {
     }
 }
 
-/// The first three numbers of a statement, of which `least` must be there; further ones (weights, colours) are ignored.
+/// The first three numbers of a statement, of which `least` are required; further ones (weights, colours) are ignored.
 fn numbers(text: &str, least: usize, line: usize) -> Decoded<[f64; 3]> {
     let mut numbers = [0.0; 3];
     let mut count = 0;
@@ -161,7 +161,7 @@ fn numbers(text: &str, least: usize, line: usize) -> Decoded<[f64; 3]> {
     Ok(numbers)
 }
 
-/// Logical lines with the number of their first physical line: without comments, and joined where they end in a backslash.
+/// Logical lines with the number of their first physical line: without comments, and joined after a trailing backslash.
 struct Lines<'a> {
     rest: &'a str,
     number: usize,
@@ -207,7 +207,7 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// A line without spaces around it and without its comment, and whether it is a name: names may contain `#` and end in a backslash.
+/// A trimmed line without its comment, and whether it is a name: names may contain `#` and end in a backslash.
 fn statement(line: &str) -> (&str, bool) {
     let line = line.trim();
     let keyword = line.split_whitespace().next().unwrap_or_default();

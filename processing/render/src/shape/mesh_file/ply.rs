@@ -6,10 +6,10 @@ use super::ply_header::{Element, Encoding, Header, Kind, Property, header};
 use crate::shape::mesh::Corner;
 use crate::vector::V3;
 
-/// Names of a face's list of vertices.
+/// Names of a face's vertex list.
 const VERTICES: [&str; 3] = ["vertex_indices", "vertex_index", "vertex_indexes"];
 
-/// Number of a vertex that ends a part of a triangle strip.
+/// Index that ends a part of a triangle strip.
 const RESTART: f64 = -1.0;
 
 pub(super) fn read(bytes: &[u8], draft: &mut Draft) -> Decoded<()> {
@@ -18,12 +18,12 @@ pub(super) fn read(bytes: &[u8], draft: &mut Draft) -> Decoded<()> {
         Err(refusal) if header.encoding == Encoding::Ascii => refusal,
         result => return result,
     };
-    // A text may also have several elements on a line.
+    // A text file may also have several elements per line.
     *draft = Draft::default();
     read_with(bytes, &header, false, draft).map_err(|_| refusal)
 }
 
-/// Reads the elements; each has a line of a text if `lines`.
+/// Reads the elements; with `lines` each has its own line of a text file.
 fn read_with(bytes: &[u8], header: &Header, lines: bool, draft: &mut Draft) -> Decoded<()> {
     let mut values = Values { lines, ..Values::new(bytes, header) };
     let mut lists = Lists::default();
@@ -49,7 +49,7 @@ fn left_out_name(element: &str) -> String {
     if element == "edge" { "line".into() } else { format!("element of kind {element:?}") }
 }
 
-/// Refuses counts of elements that the rest of the file cannot hold, before they are allocated.
+/// Refuses element counts that the rest of the file cannot hold, before they are allocated.
 fn check_promise(element: &Element, header: &Header, remaining: usize) -> Decoded<()> {
     let least = |p: &Property| match header.encoding {
         // A digit, and a space or the end of the line.
@@ -65,7 +65,8 @@ fn check_promise(element: &Element, header: &Header, remaining: usize) -> Decode
     Ok(())
 }
 
-/// Reads all elements: calls `value` for each number, `list` for each list (both with the number of the property), then `end`.
+/// Reads all elements: calls `value` for each number and `list` for each list (both with the property's index), then
+/// `end`.
 fn each(
     element: &Element,
     values: &mut Values,
@@ -96,7 +97,7 @@ fn each(
     Ok(())
 }
 
-/// Columns of a vertex that a mesh has use for.
+/// Columns of the used vertex properties.
 struct Columns {
     place: [usize; 3],
     normal: Option<[usize; 3]>,
@@ -142,18 +143,18 @@ fn vertices(element: &Element, values: &mut Values, draft: &mut Draft) -> Decode
     each(element, values, value, |_, _| Ok(()), end)
 }
 
-/// Vertices of faces and strips; they may stand before the vertices themselves.
+/// Vertices of faces and strips; they may precede the vertices themselves.
 #[derive(Default)]
 struct Lists {
     vertices: Vec<u32>,
-    /// Texture coordinates of the corners of the faces, as many as `vertices` or none.
+    /// Texture coordinates of the faces' corners, as many as `vertices` or none.
     uvs: Vec<[f64; 2]>,
     /// End of each face in `vertices`.
     faces: Vec<usize>,
     strips: Vec<Vec<u32>>,
 }
 
-/// The vertices among the lists of an element.
+/// The vertex list among the lists of an element.
 fn vertices_of(element: &Element) -> Decoded<usize> {
     let found = element.properties.iter().position(|p| p.length.is_some() && VERTICES.contains(&p.name.as_str()));
     found.ok_or_else(|| {
@@ -195,7 +196,7 @@ fn faces(element: &Element, values: &mut Values, lists: &mut Lists) -> Decoded<(
 
 fn strips(element: &Element, values: &mut Values, lists: &mut Lists) -> Decoded<()> {
     let column = vertices_of(element)?;
-    // Unsigned lists have the largest number for -1.
+    // Unsigned lists use the largest number in place of -1.
     let restart = match element.properties[column].kind {
         Kind::U32 => f64::from(u32::MAX),
         Kind::U16 => f64::from(u16::MAX),
@@ -238,14 +239,14 @@ impl Lists {
     }
 }
 
-/// The numbers of a file, one after the other.
+/// The numbers of a file in sequence.
 struct Values<'a> {
     encoding: Encoding,
     bytes: &'a [u8],
     at: usize,
-    /// Lines so far, of texts.
+    /// Lines read so far, of text files.
     line: usize,
-    /// Whether each element has a line of a text.
+    /// Whether each element has its own line of a text file.
     lines: bool,
     /// Lines with more values than their element has.
     surplus: usize,
@@ -274,7 +275,7 @@ impl<'a> Values<'a> {
         let end = self.at + kind.bytes();
         let bytes = self.bytes.get(self.at..end).ok_or_else(|| self.damaged("the file ends too early".into()))?;
         self.at = end;
-        // Little-endian in all cases.
+        // Little endian in all cases.
         let mut own = [0_u8; 8];
         let own = &mut own[..bytes.len()];
         own.copy_from_slice(bytes);
@@ -293,7 +294,7 @@ impl<'a> Values<'a> {
         })
     }
 
-    /// Goes to the end of the line of a text where each element has one; other values on it are counted.
+    /// Skips to the end of the line of a text file if each element has its own; surplus values are counted.
     fn end_line(&mut self) {
         if self.lines && self.encoding == Encoding::Ascii {
             let rest = self.bytes[self.at..].iter().take_while(|b| !matches!(b, b'\n' | b'\r'));

@@ -4,7 +4,7 @@ use super::fault::{Decoded, Fault};
 
 const REMEDY: &str = "export the mesh again as PLY 1.0";
 
-/// How numbers are stored.
+/// Encoding of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -51,7 +51,7 @@ impl Kind {
     }
 }
 
-/// One value, or a list of them with its length before it.
+/// A value, or a list preceded by its length.
 #[derive(Clone, Debug)]
 pub(super) struct Property {
     pub name: String,
@@ -73,7 +73,7 @@ pub(super) struct Element {
 pub(super) struct Header {
     pub encoding: Encoding,
     pub elements: Vec<Element>,
-    /// Bytes and lines up to the data.
+    /// Number of bytes and lines before the data.
     pub bytes: usize,
     pub lines: usize,
 }
@@ -86,7 +86,7 @@ fn bad(line: usize, problem: impl std::fmt::Display) -> Fault {
 pub(super) fn header(bytes: &[u8]) -> Decoded<Header> {
     let (mut encoding, mut elements) = (None, Vec::<Element>::new());
     let (mut at, mut number) = (0, 0);
-    // Where lines end in CR alone, an LF after the last one is the first byte of the data.
+    // If lines end in CR only, an LF after the last one is the first byte of the data.
     let cr = bytes.iter().position(|b| *b == b'\r').filter(|k| bytes.get(k + 1) != Some(&b'\n')).is_some();
     while at < bytes.len() {
         number += 1;

@@ -1,27 +1,27 @@
-//! Faces with more than three corners as triangles: fans where they are convex, else ear clipping.
+//! Triangulation of faces with more than three corners: fans for convex faces, otherwise ear clipping.
 
 use super::fault::{Decoded, Fault};
 use crate::shape::mesh::has_area;
 use crate::vector::V3;
 
-/// Comparisons of ear clipping for all faces of a mesh (about 10 s).
+/// Maximum number of comparisons in ear clipping for all faces of a mesh (about 10 s).
 const MOST_WORK: u64 = 1 << 31;
 
-/// Part of a face's squared extent below which a corner counts as straight.
+/// Area, relative to the squared extent of a face, below which a corner counts as straight.
 const STRAIGHT: f64 = 1e-14;
 
 /// Outline of a face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outline {
-    /// Its triangles cover the face once.
+    /// The triangles cover the face once.
     Simple,
     /// All corners lie on a line: no triangles.
     Flat,
-    /// It crosses itself, so that its surface is ambiguous.
+    /// The outline intersects itself, so the surface is ambiguous.
     Crossing,
 }
 
-/// Triangulation of the faces of one mesh, with the work that it has taken.
+/// Triangulation of the faces of one mesh, with a count of its work.
 #[derive(Default)]
 pub(super) struct Triangulation {
     work: u64,
@@ -35,10 +35,11 @@ fn cross(a: P2, b: P2, c: P2) -> f64 {
 }
 
 impl Triangulation {
-    /// Adds the triangles of a face of four or more corners, as numbers of its corners. Triangles without an area are omitted.
+    /// Adds the triangles of a face of four or more corners, as indices of its corners. Degenerate triangles are
+    /// omitted.
     ///
     /// # Errors
-    /// When concave faces with very many corners would take too long.
+    /// If concave faces with very many corners would take too long.
     pub(super) fn face(&mut self, places: &[V3], triangles: &mut Vec<[usize; 3]>) -> Decoded<Outline> {
         let Some(points) = project(places) else {
             return Ok(if places.windows(3).any(|w| has_area([w[0], w[1], w[2]])) {
@@ -69,9 +70,10 @@ fn fan(places: &[V3], triangles: &mut Vec<[usize; 3]>) {
     triangles.extend(all.filter(|t| has_area(t.map(|k| places[k]))));
 }
 
-/// The face in the coordinate plane that it is most parallel to, anticlockwise; none where its area is zero.
+/// Projects the face onto the coordinate plane to which it is most parallel, anticlockwise; `None` for a face of zero
+/// area.
 fn project(places: &[V3]) -> Option<Vec<P2>> {
-    // Newell's normal, of differences to the first corner.
+    // Newell's normal, from differences to the first corner.
     let from = places[0];
     let next = places.iter().skip(1).chain(&places[..1]);
     let normal: V3 = places.iter().zip(next).map(|(p, q)| (p - from).cross(&(q - from))).sum();
@@ -104,7 +106,7 @@ fn area(points: &[P2]) -> f64 {
 fn is_convex(points: &[P2], straight: f64) -> bool {
     let n = points.len();
     let left = (0..n).all(|k| cross(points[k], points[(k + 1) % n], points[(k + 2) % n]) >= -straight);
-    // Along x a convex outline turns back twice; spikes and stars do so more often.
+    // Along x a convex outline reverses twice; spikes and stars reverse more often.
     let steps = (0..n).map(|k| points[(k + 1) % n][0] - points[k][0]).filter(|d| *d != 0.0);
     let signs: Vec<bool> = steps.map(|d| d > 0.0).collect();
     let turns = (0..signs.len()).filter(|k| signs[*k] != signs[(k + 1) % signs.len()]).count();
@@ -117,7 +119,7 @@ struct Ring<'a> {
     before: Vec<usize>,
     after: Vec<usize>,
     straight: f64,
-    /// Corners may lie upon each other, as where a cut leads to a hole.
+    /// Corners may coincide, as where a cut leads to a hole.
     touching: bool,
 }
 
@@ -132,7 +134,8 @@ impl<'a> Ring<'a> {
         Self { points, before, after, straight, touching }
     }
 
-    /// Clips ears until three corners remain. Where there is no ear, the outline crosses itself, and any convex corner is clipped.
+    /// Clips ears until three corners remain. Without an ear the outline intersects itself, and any convex corner is
+    /// clipped.
     fn clip(&mut self, triangles: &mut Vec<[usize; 3]>, work: &mut u64) -> Decoded<()> {
         let mut left = self.points.len();
         let (mut at, mut tried) = (0, 0);
@@ -140,7 +143,8 @@ impl<'a> Ring<'a> {
             let [a, b, c] = [self.before[at], at, self.after[at]];
             let turn = cross(self.points[a], self.points[b], self.points[c]);
             let straight = turn.abs() <= self.straight;
-            // A whole round without an ear: touching corners are allowed in the second one, crossings in the third.
+            // A full round without an ear: coincident corners are allowed in the second round, intersections in the
+            // third.
             let round = tried / left;
             let ear = turn > self.straight && (round >= 2 || self.is_ear([a, b, c], round == 0, left, work)?);
             if straight || ear || round >= 3 {
@@ -185,7 +189,7 @@ impl<'a> Ring<'a> {
         Ok(!self.touching || !self.crosses([a, c]))
     }
 
-    /// Whether an edge of the outline crosses the line between two corners.
+    /// Whether an edge of the outline intersects the line between two corners.
     fn crosses(&self, [a, c]: [usize; 2]) -> bool {
         let [p, r] = [self.points[a], self.points[c]];
         let mut k = self.after[c];

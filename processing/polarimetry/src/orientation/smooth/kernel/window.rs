@@ -1,8 +1,8 @@
-//! What a few neighbouring pixels see around them: slopes, and the median.
+//! Neighbourhood of adjacent pixels: gradients, and the median.
 
 use super::{ALIKE, BASE, Field, LANES, Lane, REACH};
 
-/// Where `LANES` neighbouring pixels look.
+/// The neighbourhood of `LANES` adjacent pixels.
 pub(super) struct Window<'a, const PLANES: usize> {
     pub(super) from: &'a Field<PLANES>,
     pub(super) y: usize,
@@ -10,7 +10,7 @@ pub(super) struct Window<'a, const PLANES: usize> {
 }
 
 impl<const PLANES: usize> Window<'_, PLANES> {
-    /// The pixels so far below and right of the window's corner.
+    /// The pixels at this offset below and right of the window's corner.
     #[inline(always)]
     pub(super) fn at(&self, dy: usize, dx: usize) -> [&Lane; PLANES] {
         const NONE: Lane = [0.0; LANES];
@@ -31,8 +31,8 @@ impl<const PLANES: usize> Window<'_, PLANES> {
         [flatter(&across), flatter(&down)]
     }
 
-    /// Median of cos 2θ and of sin 2θ over 3×3 pixels, scaled to length 1. For a masked pixel stands the one opposite, or else
-    /// the middle.
+    /// Median of cos 2θ and of sin 2θ over 3×3 pixels, normalised. A masked pixel is replaced by the opposite one, or
+    /// else by the centre.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "so that it becomes vector instructions")]
     pub(super) fn median(&self) -> [Lane; 2] {
@@ -62,7 +62,8 @@ impl<const PLANES: usize> Window<'_, PLANES> {
     }
 }
 
-/// The square of sin 2Δ from one of five pixels to the next where two steps in a row are alike: an edge or noise is no slope.
+/// The square of sin 2Δ between consecutive pixels of five, where two steps in a row are similar: an edge or noise is
+/// no gradient.
 #[inline(always)]
 fn flatter(pixels: &[[&Lane; 3]; 5]) -> Lane {
     let mut square = [0.0; LANES];

@@ -37,7 +37,7 @@ impl Component {
         }
     }
 
-    /// Number that normalised integers are divided by.
+    /// Divisor of normalised integers.
     fn full_scale(self) -> f64 {
         match self {
             Self::I8 => 127.0,
@@ -62,7 +62,7 @@ impl Component {
     }
 }
 
-/// Elements of a view: where they begin, how far apart they are, and their components.
+/// Elements of a view: offset, stride and component type.
 struct Layout {
     view: usize,
     offset: usize,
@@ -89,7 +89,7 @@ impl File {
     /// All elements of an accessor, `N` components each.
     ///
     /// # Errors
-    /// When it is not there, has other elements, is too long or reaches beyond its buffer.
+    /// If it is missing, has other elements, is too long or exceeds its buffer.
     pub(super) fn elements<const N: usize>(&self, index: usize) -> Decoded<Vec<[f64; N]>> {
         let accessor = self.document.accessors.get(index);
         let accessor = accessor.ok_or_else(|| Fault::damaged(format!("names accessor {index}, which is not there")))?;
@@ -119,7 +119,7 @@ impl File {
         self.apply_sparse(accessor, component, index, &mut elements)?;
         if accessor.normalized {
             let scale = component.full_scale();
-            // The smallest signed integer is -1 too.
+            // The smallest signed integer also maps to -1.
             elements.as_flattened_mut().iter_mut().for_each(|v| *v = (*v / scale).max(-1.0));
         }
         Ok(elements)
@@ -162,7 +162,7 @@ impl File {
         Ok(())
     }
 
-    /// Elements of a view, whose stride is that of the view or, where it is `Some(0)`, none.
+    /// Elements of a view, with the view's stride, or none if it is `Some(0)`.
     fn values<const N: usize>(&self, layout: &Layout, accessor: usize) -> Decoded<Vec<[f64; N]>> {
         let Layout { view, offset, stride, component, count } = layout;
         let missing = || Fault::damaged(format!("names buffer view {view}, which is not there"));

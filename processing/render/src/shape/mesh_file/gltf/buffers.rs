@@ -1,4 +1,4 @@
-//! Buffers of a glTF file: beside it, within its JSON, or its binary part.
+//! Buffers of a glTF file: external, embedded in its JSON, or in its binary chunk.
 
 use super::document::Document;
 use crate::scene::inside;
@@ -27,7 +27,7 @@ impl Buffers {
                     None => beside(uri, path)?,
                 },
                 (None, Some(binary)) if k == 0 => binary.to_vec(),
-                // Buffers of compressed views have no data; views of them are refused where they are used.
+                // Buffers of compressed views have no data; such views are refused where they are used.
                 (None, _) => vec![],
             };
             if !data.is_empty() && data.len() < buffer.byte_length {
@@ -50,10 +50,10 @@ impl Buffers {
     }
 }
 
-/// A file in the folder of the mesh, or below it.
+/// Reads a file in the folder of the mesh, or below it.
 fn beside(uri: &str, path: &Path) -> Decoded<Vec<u8>> {
     let decoded = String::from_utf8(percent_decoded(uri)).unwrap_or_else(|_| uri.to_owned());
-    // Names that were written without encoding may contain a percent sign.
+    // Unencoded names may contain a percent sign.
     let folder = path.with_file_name("");
     let name = if !folder.join(&decoded).exists() && inside(Path::new(uri)) && folder.join(uri).exists() {
         uri
@@ -69,7 +69,7 @@ fn beside(uri: &str, path: &Path) -> Decoded<Vec<u8>> {
     })
 }
 
-/// Data of a URI, after `data:`.
+/// Decodes a URI after `data:`.
 fn embedded(uri: &str) -> Option<Vec<u8>> {
     let (kind, data) = uri.split_once(',')?;
     let data = percent_decoded(data);
@@ -84,7 +84,7 @@ fn embedded(uri: &str) -> Option<Vec<u8>> {
     GeneralPurpose::new(&alphabet, config).decode(data).ok()
 }
 
-/// Text with its `%20` and the like as bytes; percent signs without two hexadecimal digits stay.
+/// Percent-decodes text to bytes; percent signs without two hexadecimal digits are kept.
 fn percent_decoded(text: &str) -> Vec<u8> {
     let bytes = text.as_bytes();
     let digit = |at: usize| bytes.get(at).and_then(|b| (*b as char).to_digit(16));

@@ -1,11 +1,11 @@
-//! The binary container of glTF (GLB): a JSON chunk and one of data.
+//! The binary container of glTF (GLB): a JSON chunk and a data chunk.
 
 use crate::shape::mesh_file::fault::{Decoded, Fault};
 
 const JSON: u32 = 0x4e4f_534a;
 const BINARY: u32 = 0x004e_4942;
 
-/// JSON of a file and the data beside it, of which text files have none.
+/// Splits a file into JSON and data; text files have no data.
 pub(super) fn split(bytes: &[u8]) -> Decoded<(&[u8], Option<&[u8]>)> {
     let Some(rest) = bytes.strip_prefix(b"glTF") else { return Ok((bytes, None)) };
     let damaged = || Fault::damaged("is a truncated GLB file");

@@ -1,4 +1,4 @@
-//! The parts of a glTF document that a mesh has use for.
+//! The parts of a glTF document that are needed for meshes.
 
 use crate::shape::mesh_file::fault::{Decoded, Fault};
 use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 
-/// Extensions that a file may require: read, or without effect on surfaces. Names that end in `_` stand for all that begin so.
+/// Extensions that a file may require: supported, or without effect on surfaces. Names that end in `_` are prefixes.
 const READ_EXTENSIONS: [&str; 12] = [
     "KHR_mesh_quantization",
     "KHR_materials_",
@@ -149,7 +149,7 @@ pub(super) struct Buffer {
     pub byte_length: usize,
 }
 
-/// The version alone: other parts differ between versions.
+/// Only the version: the other parts differ between versions.
 #[derive(Deserialize)]
 struct Versioned {
     asset: Option<Asset>,
@@ -174,7 +174,7 @@ impl Document {
         }
     }
 
-    /// Refuses files that need an extension which changes their surfaces and is not read.
+    /// Refuses files that require an unsupported extension which changes surfaces.
     pub(super) fn check_extensions(&self) -> Decoded<()> {
         let read = |name: &String| {
             READ_EXTENSIONS.iter().any(|read| name == read || (read.ends_with('_') && name.starts_with(read)))
@@ -186,7 +186,7 @@ impl Document {
     }
 }
 
-/// Fault of a file that needs an extension.
+/// Fault of a file that requires an extension.
 pub(super) fn extension(name: &str) -> Fault {
     let remedy = match name {
         "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
@@ -198,7 +198,7 @@ pub(super) fn extension(name: &str) -> Fault {
 }
 
 impl Node {
-    /// Transform to the node above.
+    /// Transform to the parent node.
     pub(super) fn matrix(&self) -> Matrix4<f64> {
         if let Some(columns) = &self.matrix {
             return Matrix4::from_column_slice(columns);

@@ -1,7 +1,7 @@
 //! glTF 2.0, as JSON (`.gltf`) or binary (`.glb`): the meshes of its scene in rest pose.
 //!
-//! Read are triangles, strips and fans, sparse and quantized accessors, skins and morph targets. Materials, cameras, lights and animations
-//! are not.
+//! Supported are triangles, strips and fans, sparse and quantized accessors, skins and morph targets. Materials,
+//! cameras, lights and animations are ignored.
 
 mod accessor;
 mod buffers;
@@ -19,7 +19,7 @@ use document::{Document, Node};
 use nalgebra::Matrix4;
 use std::path::Path;
 
-/// Deepest node.
+/// Maximum depth of nodes.
 const MOST_DEPTH: usize = 64;
 
 pub(super) fn read(bytes: &[u8], path: &Path, draft: &mut Draft) -> Decoded<()> {
@@ -45,13 +45,13 @@ struct File {
 }
 
 impl File {
-    /// Transform of each node that the scene shows.
+    /// Transforms of the nodes in the scene.
     fn placed_nodes(&self, draft: &mut Draft) -> Decoded<Vec<Option<Matrix4<f64>>>> {
         let Document { nodes, scenes, scene, .. } = &self.document;
         let roots: Vec<usize> = match scenes.get(scene.unwrap_or(0)) {
             Some(shown) => shown.nodes.clone(),
             None if scene.is_some() => return Err(Fault::damaged("has a default scene that is not there")),
-            // A library without a scene shows all its nodes.
+            // Without a scene all nodes are shown.
             None => {
                 let children: std::collections::BTreeSet<usize> =
                     nodes.iter().flat_map(|n| n.children.iter().copied()).collect();

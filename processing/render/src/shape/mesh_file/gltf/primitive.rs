@@ -68,7 +68,7 @@ impl File {
         Ok(())
     }
 
-    /// Numbers of the corners of a primitive's triangles, all below `corners`.
+    /// Corner indices of a primitive's triangles, all below `corners`.
     fn indices(&self, primitive: &Primitive, corners: usize) -> Decoded<Vec<u32>> {
         let Some(accessor) = primitive.indices else { return Ok((0..corners as u32).collect()) };
         let indices = self.elements::<1>(accessor)?;
@@ -77,7 +77,7 @@ impl File {
         indices.into_iter().map(index).collect()
     }
 
-    /// Adds the corners of a primitive and returns how many.
+    /// Adds the corners of a primitive and returns their number.
     fn add_corners(
         &self,
         primitive: &Primitive,
@@ -109,14 +109,14 @@ impl File {
                 place: turn * V3::from(*place) + shift,
                 normal: normals.get(k).map(|n| upright * V3::from(*n)),
                 tangent: tangents.get(k).map(|t| turn * V3::from(*t)),
-                // v runs down in glTF.
+                // v points down in glTF.
                 uv: uvs.get(k).map(|t| [t[0], 1.0 - t[1]]),
             })?;
         }
         Ok(count)
     }
 
-    /// Adds the morph targets of an attribute by their weights.
+    /// Adds the weighted morph targets of an attribute.
     fn morph(&self, primitive: &Primitive, weights: &[f64], name: &str, values: &mut [[f64; 3]]) -> Decoded<()> {
         for (target, weight) in primitive.targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
             let Some(accessor) = target.get(name) else { continue };

@@ -1,11 +1,11 @@
-//! Skins: meshes that follow joints, in the pose that the nodes are in.
+//! Skins: meshes deformed by joints, in the pose given by the nodes.
 
 use super::File;
 use super::document::Primitive;
 use crate::shape::mesh_file::fault::{Decoded, Fault};
 use nalgebra::Matrix4;
 
-/// Joints that move each vertex, four in each set.
+/// Joints that move each vertex, four per set.
 pub(super) struct Influences<'a> {
     joints: &'a [Matrix4<f64>],
     sets: Vec<Set>,
@@ -18,7 +18,7 @@ struct Set {
 }
 
 impl File {
-    /// Transform of each joint of a skin, from the vertices of the mesh to the scene.
+    /// Transform of each joint of a skin, from mesh coordinates to the scene.
     pub(super) fn joints(&self, skin: usize, nodes: &[Option<Matrix4<f64>>]) -> Decoded<Vec<Matrix4<f64>>> {
         let missing = || Fault::damaged(format!("names skin {skin}, which is not there"));
         let skin = self.document.skins.get(skin).ok_or_else(missing)?;
@@ -34,7 +34,7 @@ impl File {
 }
 
 impl<'a> Influences<'a> {
-    /// Of the vertices of a primitive, `count` in number.
+    /// Influences on the `count` vertices of a primitive.
     pub(super) fn of(file: &File, primitive: &Primitive, joints: &'a [Matrix4<f64>], count: usize) -> Decoded<Self> {
         let mut sets = vec![];
         for set in 0.. {
@@ -49,7 +49,7 @@ impl<'a> Influences<'a> {
         Ok(Self { joints, sets })
     }
 
-    /// Transform of a vertex: the mean of its joints' by weight.
+    /// Transform of a vertex: the weighted mean over its joints.
     pub(super) fn matrix(&self, vertex: usize) -> Decoded<Matrix4<f64>> {
         let damaged = || Fault::damaged(format!("has vertex {vertex} without a joint of its skin"));
         let (mut sum, mut whole) = (Matrix4::zeros(), 0.0);

@@ -1,17 +1,18 @@
-//! Texture coordinates stored as integers, which the texture transform of their material scales back (`KHR_texture_transform`).
+//! Texture coordinates stored as integers, which are scaled by the texture transform of their material
+//! (`KHR_texture_transform`).
 
 use super::File;
 use super::document::Primitive;
 use crate::shape::mesh_file::fault::Decoded;
 use serde_json::Value;
 
-/// Component type of accessors of floats.
+/// Component type of float accessors.
 const FLOAT: u32 = 5126;
 
 impl File {
-    /// Texture coordinates of a primitive's vertices, v downwards; empty where it has none.
+    /// Texture coordinates of a primitive's vertices, v downwards; empty if there are none.
     ///
-    /// A transform of coordinates that are floats repeats a texture: it belongs to the material and is left out with that.
+    /// A transform of float coordinates repeats a texture. It belongs to the material and is ignored with it.
     pub(super) fn texture_coordinates(&self, primitive: &Primitive, vertices: usize) -> Decoded<Vec<[f64; 2]>> {
         let Some(accessor) = primitive.attributes.get("TEXCOORD_0") else { return Ok(vec![]) };
         let mut uvs = self.attribute::<2>(*accessor, vertices)?;
@@ -29,7 +30,7 @@ impl File {
     }
 }
 
-/// The first texture transform anywhere in a material.
+/// The first texture transform in a material.
 fn transform(value: &Value) -> Option<&Value> {
     match value {
         Value::Object(map) => map.get("KHR_texture_transform").or_else(|| map.values().find_map(transform)),

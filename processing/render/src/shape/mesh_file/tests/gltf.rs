@@ -1,10 +1,10 @@
-//! glTF files of many programs.
+//! Tests with glTF files as written by various programs.
 
 use super::*;
 use base64::Engine;
 use serde_json::{Value, json};
 
-/// A document and its one buffer.
+/// A document with one buffer.
 struct File {
     json: Value,
     data: Vec<u8>,
@@ -64,7 +64,7 @@ impl File {
         self.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
     }
 
-    /// With its buffer in the text.
+    /// The file with an embedded buffer.
     fn text(&self) -> String {
         let data = base64::engine::general_purpose::STANDARD.encode(&self.data);
         let uri = format!("data:application/octet-stream;base64,{data}");
@@ -97,7 +97,7 @@ impl File {
     }
 }
 
-/// A rectangle 6 by 2 at z = 1, as corners of a strip.
+/// A rectangle of 6 by 2 at z = 1, as corners of a strip.
 const STRIP: [f32; 12] = [0.0, 0.0, 1.0, 6.0, 0.0, 1.0, 0.0, 2.0, 1.0, 6.0, 2.0, 1.0];
 
 #[test]
@@ -177,7 +177,8 @@ fn quantized_corners() {
     assert!((area(&file.read()) - 2.0).abs() < 1e-12);
 }
 
-/// Integers as texture coordinates are scaled back by the transform of their material; that of floats belongs to the material.
+/// Integer texture coordinates are scaled by the transform of their material; for floats the transform belongs to the
+/// material.
 #[test]
 fn quantized_texture_coordinates() {
     for (integers, expected) in [(true, [0.75, 1.0 - 0.5]), (false, [1000.0, 1.0 - 500.0])] {
@@ -313,7 +314,7 @@ fn nodes_place_meshes() {
         {"children": [1, 2], "scale": [1, 3, 1]}, {"mesh": 0},
         {"mesh": 0, "matrix": [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 9, 0, 0, 1]}, {"mesh": 0},
     ]);
-    // Sides 6 and 6; turned by a quarter first, sides 2 and 18.
+    // Sides 6 and 6; with the rotation first, sides 2 and 18.
     assert!((area(&file.read()) - 72.0).abs() < 1e-9);
     file.json["scenes"] = json!([{"nodes": [0]}, {"nodes": [3]}]);
     assert!(warnings(file.read()).join("").contains("1 further scene"));
@@ -342,7 +343,7 @@ fn morph_targets_and_skins_in_rest_pose() {
 
     let mut file = File::new();
     let strip = file.floats("VEC3", &STRIP);
-    // The right corners follow a joint that moves them by 2, the left ones stay.
+    // The right corners follow a joint that moves them by 2; the left ones stay.
     let joints = file.view(&[0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0], None);
     let joints =
         file.push("accessors", json!({"bufferView": joints, "componentType": 5121, "count": 4, "type": "VEC4"}));
@@ -355,7 +356,7 @@ fn morph_targets_and_skins_in_rest_pose() {
     let bind = file.floats("MAT4", &bind);
     file.primitive(json!({"attributes": {"POSITION": strip, "JOINTS_0": joints, "WEIGHTS_0": weights}, "mode": 5}));
     file.json["scenes"] = json!([{"nodes": [0, 1, 2]}]);
-    // The node of the mesh has no effect on it.
+    // The node of the mesh has no effect on a skinned mesh.
     file.json["nodes"] =
         json!([{"mesh": 0, "skin": 0, "scale": [9, 9, 9]}, {"name": "root"}, {"translation": [8, 0, 0]}]);
     file.json["skins"] = json!([{"joints": [1, 2], "inverseBindMatrices": bind}]);

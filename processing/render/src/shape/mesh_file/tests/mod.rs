@@ -1,4 +1,4 @@
-//! Meshes as other programs write them. Here: files and areas that the tests share.
+//! Tests with meshes as written by other programs; shared files and areas.
 
 mod gltf;
 mod obj;
@@ -36,7 +36,7 @@ fn area(mesh: &Raw) -> f64 {
     areas(mesh).iter().sum()
 }
 
-/// Whether a place of the plane z = 0 lies within any triangle.
+/// Whether a point of the plane z = 0 lies within any triangle.
 fn covers(mesh: &Raw, x: f64, y: f64) -> bool {
     let p = V3::new(x, y, 0.0);
     mesh.triangles.iter().any(|t| {
@@ -52,7 +52,8 @@ fn warnings(mesh: Raw) -> Vec<String> {
     finished.left_out.warnings()
 }
 
-/// Ten thousand damaged copies at `NACRE_FUZZ_ROUNDS=10000`; none may panic, and what is read is consistent.
+/// Ten thousand damaged copies with `NACRE_FUZZ_ROUNDS=10000`; none may panic, and every mesh that is read is
+/// consistent.
 fn damage(name: &str, bytes: &[u8], seed: u64) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);

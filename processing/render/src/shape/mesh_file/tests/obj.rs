@@ -1,8 +1,8 @@
-//! OBJ files of many programs.
+//! Tests with OBJ files as written by various programs.
 
 use super::*;
 
-/// A square of side 3 at z = 2 and what may surround its statements.
+/// A square of side 3 at z = 2, with text that may surround its statements.
 const SQUARE: &str = "v 0 0 2\nv 3 0 2\nv 3 3 2\nv 0 3 2\n";
 
 fn square(more: &str) -> Raw {
@@ -53,7 +53,7 @@ fn encodings_of_text() {
 fn numbers_count_from_either_end() {
     square("f -4 -3 -2 -1\n");
     square("f 1 2 -2 -1\n");
-    // Vertices may follow the faces that name them, except by negative numbers.
+    // Vertices may follow the faces that refer to them, except for negative indices.
     let early = "f 1 2 3 4\nv 0 0 2\nv 3 0 2\nv 3 3 2\nv 0 3 2\n";
     assert!((area(&mesh("a.obj", early).unwrap()) - 9.0).abs() < 1e-12);
     assert!(refusal("a.obj", format!("f -1 -2 -3\n{SQUARE}")).contains("line 1"));
@@ -85,10 +85,10 @@ fn corners_have_texture_coordinates_and_normals() {
     assert_eq!(square(&format!("{more}f 1/-4/-1 2/-3/-1 3/-2/-1 4/-1/-1\n")).corners[3].uv, Some([0.0, 1.0]));
     assert_eq!(square(&format!("{more}f 1//1 2//1 3//1 4//1\n")).corners[3].uv, None);
     assert_eq!(square(&format!("{more}f 1/1/ 2/2/ 3/3/ 4/4/\n")).corners[1].normal, None);
-    // Surfaces do not need what is missing.
+    // Missing texture coordinates and normals do not affect surfaces.
     let said = warnings(square("vt 0 0\nf 1/1/7 2/1/7 3/2/7 4/1/7\n")).join("");
     assert!(said.contains("4 references to a missing normal, 1 reference to a missing texture coordinate"), "{said}");
-    // Weights and colours after the place are ignored; corners are shared between faces.
+    // Weights and colours after the position are ignored; corners are shared between faces.
     let coloured = "v 0 0 2 1 0 0\nv 3 0 2 1\nv 3 3 2 0 0 0 1\nv 0 3 2\nf 1 2 3\nf 1 3 4\n";
     let mesh = mesh("a.obj", coloured).unwrap();
     assert_eq!((mesh.corners.len(), area(&mesh)), (4, 9.0));

@@ -1,4 +1,4 @@
-//! PLY files of many programs.
+//! Tests with PLY files as written by various programs.
 
 use super::*;
 
@@ -13,7 +13,7 @@ fn text_places() -> String {
     PLACES.iter().map(|[x, y, z]| format!("{x} {y} {z}\n")).collect()
 }
 
-/// The same file as text and as binary of both orders: a list of 32-bit integers with an 8-bit length per element.
+/// The same file as text and as binary of both byte orders: a list of 32-bit integers with an 8-bit length per element.
 fn all_encodings(element: &str, kind: &str, lists: &[&[i32]]) -> Vec<Vec<u8>> {
     let elements = format!("element {element} {}\nproperty list uchar {kind} vertex_indices\n", lists.len());
     let mut text = header("ascii", &elements) + &text_places();
@@ -38,7 +38,7 @@ fn all_encodings(element: &str, kind: &str, lists: &[&[i32]]) -> Vec<Vec<u8>> {
 
 #[test]
 fn faces_in_all_encodings() {
-    // Two darts whose fans would cover more, two triangles, and a rectangle.
+    // Two concave quadrilaterals, whose fans would cover more, two triangles, and a rectangle.
     for lists in
         [vec![[0, 1, 2, 3].as_slice()], vec![&[0, 1, 2], &[0, 2, 3]], vec![&[4, 2, 3, 0, 1]], vec![&[2, 3, 0, 4]]]
     {
@@ -58,13 +58,13 @@ fn polygon(list: &[i32]) -> f64 {
 
 #[test]
 fn strips_in_all_encodings() {
-    // Two strips in one list; the second is turned over.
+    // Two strips in one list; the second has the opposite orientation.
     for file in all_encodings("tristrips", "int", &[&[0, 1, 3, 2, -1, 3, 2, 0]]) {
         let mesh = mesh("a.ply", file).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 3], [3, 1, 2], [3, 2, 0]]);
         assert!((area(&mesh) - 15.0).abs() < 1e-9);
     }
-    // Corners that are named twice join parts.
+    // Repeated corners join parts.
     for file in all_encodings("tristrips", "int", &[&[0, 1, 3, 3, 1, 1, 2, 3, -1]]) {
         let mesh = mesh("a.ply", file).unwrap();
         assert!((area(&mesh) - 10.0).abs() < 1e-9, "{:?}", mesh.triangles);
@@ -93,7 +93,7 @@ fn other_elements_are_counted() {
     assert!(said.contains("2 lines") && said.contains("1 element of kind \"camera\""), "{said}");
 }
 
-/// Each element of a text has a line; what else stands there is skipped.
+/// Each element of a text file has a line; surplus values on it are skipped.
 #[test]
 fn lines_may_have_surplus_values() {
     let face = "element face 2\nproperty list uchar int vertex_indices\nproperty uchar red\n";

@@ -1,10 +1,10 @@
-//! Faces with many corners.
+//! Tests of faces with many corners.
 
 use super::*;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-/// An OBJ file of one face through these places.
+/// An OBJ file of one face through these points.
 fn face(places: &[[f64; 3]]) -> String {
     let mut text = String::new();
     for [x, y, z] in places {
@@ -25,7 +25,8 @@ fn shoelace(places: &[[f64; 2]]) -> f64 {
     0.5 * places.iter().zip(next).map(|(p, q)| p[0] * q[1] - p[1] * q[0]).sum::<f64>().abs()
 }
 
-/// Every first corner, both directions, and tilted in space: always the polygon's area, and nothing to warn of.
+/// For every first corner, both orientations, and a tilted plane: the total area is that of the polygon, without
+/// warnings.
 fn check(places: &[[f64; 2]]) {
     let expected = shoelace(places);
     let turn = nalgebra::Rotation3::from_euler_angles(0.7, -0.4, 1.9);
@@ -98,7 +99,7 @@ fn spirals_and_stars_have_their_area() {
     check(&spiral);
 }
 
-/// A square with square holes, each of which a cut leads to: its corners lie upon each other.
+/// A square with square holes, each connected by a cut with coincident corners.
 #[test]
 fn holes_behind_cuts_stay_open() {
     let one = [
