@@ -1,5 +1,6 @@
 //! CPU time of the transforms of a patch of 2048 × 2048 pixels, 0.5 µm deep, with an error of 1 %, for comparison with
-//! `benches/peers/terms.py`. `cargo run --release --example terms` measures all of them, with `set` only a set of terms.
+//! `benches/peers/terms.py`. `cargo run --release --example terms` measures slices by each method and a set of terms,
+//! with `set` only the set of terms.
 
 mod cpu;
 

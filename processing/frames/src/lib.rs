@@ -288,8 +288,8 @@ impl Transfer {
         }
     }
 
-    /// Light (0 to 1) of an encoded value (0 to 1). Values above 1 continue the curve; negative ones give negative light
-    /// (linear, sRGB) or 0 (gamma).
+    /// Light (0 to 1) of an encoded value (0 to 1). Values above 1 continue the curve; negative ones give negative
+    /// light (linear, sRGB) or 0 (gamma).
     pub fn decode(self, v: f32) -> f32 {
         match self {
             Self::Linear | Self::Recover => v,
