@@ -1,4 +1,4 @@
-//! Geometry, maps and foil as a user makes them: from photographs to files, back again, and what is refused.
+//! Geometry, maps and foil from a user's point of view: from photographs to files and back, and rejected input.
 
 #![allow(clippy::unwrap_used)]
 
@@ -13,7 +13,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Runs it and expects to be refused with these words, without anything at `out`.
+/// Runs a command and expects its rejection with these words, without any output at `out`.
 fn refused(args: &[&str], out: &Path, words: &str) {
     let run = nacre(args);
     let message = run.stderr();
@@ -38,7 +38,8 @@ fn a_camera_is_calibrated_from_test_data() {
     assert_eq!(found.wavelength_nm, Some(532.0));
     assert!(check.join("left14.png").is_file());
     assert!(nacre([&args[..], &more].concat()).expect(2).stderr().contains("--force"));
-    // On from there: the sample by its corners, the panel by hand, the light by its highlight and height.
+    // Extends the geometry: the sample from its corners, the panel measured by hand, the light from its highlight and
+    // height.
     let next = dir.path().join("next.json");
     let base = ["--json", "calibrate", "geometry", text(&out), "--out", text(&next)];
     let corners = ["--sample-corners", "200,150,420,152,421,330,198,328", "--sample-mm", "110,90"];
@@ -47,7 +48,7 @@ fn a_camera_is_calibrated_from_test_data() {
     let light = ["--highlight", "330,250", "--light-height-mm", "300,5"];
     let report = nacre([&base[..], &corners, &panel, &light].concat()).expect(0).json();
     let found = geometry::load(&next).unwrap();
-    // The same highlight found in a photograph, overexposed in its middle.
+    // The same highlight detected in a photograph, with a saturated centre.
     let lit = |places: &[[f64; 2]]| {
         image::GrayImage::from_fn(640, 480, |x, y| {
             let lobe = |[cx, cy]: [f64; 2]| {
@@ -65,7 +66,7 @@ fn a_camera_is_calibrated_from_test_data() {
     let apart = [0, 1, 2].map(|k| geometry::load(&seen).unwrap().light_mm.unwrap()[k] - found.light_mm.unwrap()[k]);
     assert!(apart.iter().all(|mm| mm.abs() < 0.05), "{apart:?}");
     assert!(found.panel.is_some() && found.light_mm.is_some() && found.sigma.light_mm.is_some(), "{report}");
-    // The corners are where they were said to be, but for what four corners cannot all be.
+    // The corners agree with the given ones, except for the inconsistency of four measured corners.
     let seen = found.pixel([-55.0, 45.0, 0.0]).unwrap();
     assert!((seen[0] - 200.0).hypot(seen[1] - 150.0) < 3.0, "{seen:?}");
     let wrong = dir.path().join("wrong.json");
@@ -86,7 +87,7 @@ fn a_camera_is_calibrated_from_test_data() {
     also_refused(&args, &["--square-mm", "-1"], &wrong, "square-mm");
 }
 
-/// The same with more arguments.
+/// As [`refused`], with further arguments.
 fn also_refused(args: &[&str], more: &[&str], out: &Path, words: &str) {
     refused(&[args, more].concat(), out, words);
 }
@@ -105,7 +106,7 @@ fn the_papers_way_needs_no_board() {
     let other = dir.path().join("other.json");
     let args = ["calibrate", "geometry", text(&photo), "--out", text(&other), "--relative", "--known-mm", "150"];
     also_refused(&args, &[], &other, "--known-px");
-    // Without --relative a photograph is no geometry.
+    // Without --relative, a photograph is not a valid geometry.
     refused(&["calibrate", "geometry", text(&photo), "--out", text(&other)], &other, "photo.png");
     let board = dir.path().join("board.png");
     let args = ["calibrate", "board", "--panel-px", "800,600", "--out", text(&board), "--square-px"];
@@ -137,7 +138,7 @@ fn foil_is_measured_made_anew_edited_and_exchanged() {
     let args = ["--json", "reconstruct", "foil", text(&photo), "--geometry", text(&geometry), "--depth-um", "0.08"];
     let report = nacre([&args[..], &["--period-um", "0.75,1.75", "--out", text(&found)]].concat()).expect(0).json();
     let mean = report["period_um"][0].as_f64().unwrap();
-    // All orientations alike: the mean of the two ends.
+    // Uniformly distributed orientations: the mean of both ends.
     assert!((mean - 1.225).abs() < 0.02, "{report}");
     for name in ["histogram.exr", "histogram.png", "report.json"] {
         assert!(found.join(name).is_file(), "{name}");
@@ -162,7 +163,7 @@ fn foil_is_measured_made_anew_edited_and_exchanged() {
     let edited = path("edited");
     let args = ["--json", "map", "edit", text(&new), "--rotate", "30", "--tile", "2,1", "--scale", "1.1"];
     let report = nacre([&args[..], &["--out", text(&edited)]].concat()).expect(0).json();
-    // 600 × 400 turned by 30° needs 720 × 647.
+    // 600 × 400 rotated by 30° needs 720 × 647.
     assert_eq!((report["after"]["width"].as_u64(), report["after"]["height"].as_u64()), (Some(1440), Some(647)));
     assert!(edited.join("before-after.png").is_file());
     let (pack, back) = (path("pack"), path("back"));
@@ -171,7 +172,7 @@ fn foil_is_measured_made_anew_edited_and_exchanged() {
     for name in ["orientation.exr", "period.exr"] {
         assert!(same(&edited.join(name), &back.join(name)), "{name}");
     }
-    // A part of it, found again.
+    // A crop, located by registration.
     let (part, compared) = (path("part"), path("compared"));
     nacre(["map", "edit", text(&new), "--size", "300,200", "--orientation-offset", "2", "--out", text(&part)])
         .expect(0);
@@ -253,7 +254,7 @@ fn the_service_measures_foil_edits_maps_and_calibrates() {
     refused(id, "map", json!({ "rotate_deg": 5 }), "map");
     refused(id, "calibrate", json!({ "board": [1, 1] }), "board");
 
-    // Maps, made here: every pixel 30° and 1.2 µm.
+    // Generated maps: every pixel 30° and 1.2 µm.
     let maps = place.path("maps");
     std::fs::create_dir(&maps).unwrap();
     let write = |name: &str, channel: &str, value: f32| {
@@ -283,6 +284,6 @@ fn the_service_measures_foil_edits_maps_and_calibrates() {
     let found =
         done(id.as_str().unwrap(), "calibrate", json!({ "board": [9, 6], "square_mm": 25, "wavelength_nm": 532 }));
     let focal = found["report"]["geometry"]["camera"]["focal_px"][0].as_f64().unwrap();
-    // The whole set says 533.1; five photographs are known to a few pixels.
+    // The complete set gives 533.1; five photographs determine it to a few pixels.
     assert!((focal - 533.1).abs() < 8.0, "{found}");
 }

@@ -1,5 +1,4 @@
-//! Everything that can be wrong with photographs and their description: exit 2, a sentence that names the file or
-//! key, nothing written.
+//! Invalid photographs and descriptions: exit code 2, a message that names the file or key, and no output.
 
 #![allow(clippy::unwrap_used)]
 
@@ -9,7 +8,7 @@ use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A good series of four 16×16 photographs, to be spoiled by a test.
+/// A valid series of four 16×16 photographs, for a test to damage.
 struct Series {
     folder: tempfile::TempDir,
 }
@@ -36,7 +35,7 @@ impl Series {
         fs::write(self.path("frames.json"), json).unwrap();
     }
 
-    /// Runs a reconstruction that must be refused with all of `words` in its message, leaving no trace.
+    /// Runs a reconstruction that must be rejected with all of `words` in its message, without output.
     fn refused(&self, words: &[&str]) {
         let before = (listing(self.folder.path()), listing(&self.path("")));
         let out = self.folder.path().join("new/result");
@@ -130,7 +129,7 @@ fn links_that_leave_the_folder() {
     series.refused(&["045.png", "leaves"]);
 }
 
-/// Spoils one photograph by a function of its path.
+/// Damages one photograph by a function of its path.
 fn spoiled(words: &[&str], spoil: impl Fn(&Path)) {
     let series = Series::new();
     spoil(&series.path("090.png"));
@@ -212,14 +211,14 @@ fn bench_files() {
     assert_eq!(listing(folder.path()), ["bench.toml"]);
 }
 
-/// A PNG of 3 × 1 pixels whose palette ends within a colour: the library that decodes it panics.
+/// A PNG of 3 × 1 pixels whose palette ends within a colour: its decoder panics.
 const PALETTE: &[u8] = b"\x89PNG\x0d\x0a\x1a\x0a\x00\x00\x00\x0dIHDR\x00\x00\x00\x03\x00\x00\x00\x01\x08\x03\x00\x00\x00,>\xe4\x86\x00\x00\x00\x04PLTE\x01\x02\x03\x04#\xdb\x8a\xab\x00\x00\x00\x0cIDATx\x9cc```\x00\x00\x00\x04\x00\x01\xf6\x178U\x00\x00\x00\x00IEND\xaeB`\x82";
 
-/// glTF whose only primitive names an accessor that is not there: the library that reads it panics.
+/// glTF whose only primitive refers to a missing accessor: its reader panics.
 const GLTF: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
     "meshes": [{"primitives": [{"attributes": {"POSITION": 4294967295}}]}]}"#;
 
-/// A scene of one shape of a plain material.
+/// A scene with one shape of a plain material.
 fn scene(shape: &str, albedo: &str) -> String {
     format!(
         "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 14\nwidth = 12\nheight = 12\n\
@@ -228,7 +227,7 @@ fn scene(shape: &str, albedo: &str) -> String {
     )
 }
 
-/// Photographs on which their decoder panics, as a polarization series, a bracket, and by themselves.
+/// Photographs that make their decoder panic, as a polarization series, as a bracket, and individually.
 fn panicking(folder: &Path) {
     let angles = [0, 45, 90, 135];
     let series = frames(&angles).replacen(r#""frames""#, r#""channel": "g", "frames""#, 1);
@@ -271,7 +270,7 @@ fn files_on_which_a_decoder_panics() {
         let run = nacre(&args);
         let message = run.stderr();
         assert_eq!(run.code(), 2, "{command} {input}: {message}");
-        // Meshes have no decoder of others.
+        // Meshes are read without a third-party decoder.
         let reason = if input == "mesh.toml" { "mesh.gltf" } else { "decoder fail" };
         assert!(message.contains(named) && message.contains(reason), "{command}: {message}");
         assert!(!message.contains("panicked") && message.trim().lines().count() == 1, "{command}: {message}");
@@ -279,7 +278,7 @@ fn files_on_which_a_decoder_panics() {
     }
 }
 
-/// The service says so in the job, which is not tried again, and goes on.
+/// The service reports the error in the job, does not retry it, and continues.
 #[test]
 fn uploads_on_which_a_decoder_panics() {
     let place = Place::with_bench("", BENCH);

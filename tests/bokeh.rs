@@ -1,4 +1,4 @@
-//! Bokeh photographs as a user reconstructs them: simulated ones against their truth, and input that makes no sense.
+//! Bokeh photographs from a user's point of view: simulated ones compared with their truth, and invalid input.
 
 #![allow(clippy::unwrap_used)]
 
@@ -17,7 +17,7 @@ fn rendered(dir: &Path, scene: &str) -> PathBuf {
     out
 }
 
-/// Arguments of a reconstruction of a photograph.
+/// Arguments to reconstruct a photograph.
 fn args(image: &Path, out: &Path, more: &[&str]) -> Vec<String> {
     let all = ["--json", "reconstruct", "bokeh", image.to_str().unwrap(), "--out", out.to_str().unwrap()];
     all.iter().chain(more).map(|s| (*s).to_owned()).collect()
@@ -54,7 +54,7 @@ fn lines_slits_and_scale_are_those_of_the_scene() {
     close(&report["cutoff"]["period_um"], 8.57, 1e-2);
     close(&report["deconvolution"]["noise"]["shot"], 1.0 / 20_000.0, 0.15);
     assert!(report["deconvolution"]["converged"].as_bool().unwrap());
-    // Deconvolved light is nearer to the truth than the photograph is.
+    // Deconvolved light is closer to the truth than the photograph.
     let truth = &read_exr(&photo.join("truth.exr")).unwrap().channels["Y"];
     let found = read_exr(&out.join("deconvolved.exr")).unwrap();
     close(&Value::from(found.attributes["pixel_um"].parse::<f64>().unwrap()), 2.5, 1e-3);
@@ -80,10 +80,10 @@ fn a_known_grating_calibrates_the_height_of_another_photograph() {
     let shape = ["--psf-sigma", "1.5", "--known-shape", "blazed", "--known-depth-um", "0.4", "--pixel-um", "2.5"];
     let report = reconstructed(&photo.join("photograph.png"), &known, &shape);
     let calibration = &report["heights"]["calibration"];
-    // Light is 0.15 to 0.8 over 0.4 µm, and its mean 0.475.
+    // Light is 0.15 to 0.8 over 0.4 µm, with mean 0.475.
     close(&calibration["gain_um"], 0.4 / 0.65 * 0.475, 0.05);
     assert!(calibration["rmse_um"].as_f64().unwrap() < 0.1 * 0.4);
-    // Another period, another depth in the same light, turned, half as long exposed.
+    // Another period, another depth under the same light, rotated, with half the exposure.
     let scene =
         "profile = \"sinusoid\"\nperiod_um = 45\ndepth_um = 0.4\nblur_px = 1.5\nlight = [0.075, 0.4]\nangle_deg = 90";
     let photo = rendered(dir.path(), scene);
@@ -94,7 +94,7 @@ fn a_known_grating_calibrates_the_height_of_another_photograph() {
     close(&report["lines"]["period_um"], 45.0, 2e-3);
     let found = read_exr(&out.join("height.exr")).unwrap();
     let truth = read_exr(&photo.join("truth.exr")).unwrap();
-    // A quarter anticlockwise: the right column comes to lie on top.
+    // Rotation by 90° anticlockwise: the right column becomes the top row.
     let turned: Vec<f32> = (0..320 * 384).map(|i| truth.channels["height"][(i % 320) * 384 + 383 - i / 320]).collect();
     let off = rms(&found.channels["height"], &turned);
     assert!(off < 0.06 * 0.4, "{off}");
@@ -111,7 +111,8 @@ fn tilted_lines_and_crops_are_measured_across() {
     assert!((report["slice"]["tilt_deg"].as_f64().unwrap() - 25.0).abs() < 1.0, "{report}");
     close(&report["lines"]["period_um"], 40.0, 1e-2);
     assert!(report["warnings"].to_string().contains("turn the result by -2"), "{}", report["warnings"]);
-    // Statements of the file that contradict the reading are warnings. Behind the header: a chunk that says sRGB, with its checksum.
+    // Statements of the file that contradict the options are warnings. After the header: an sRGB chunk with its
+    // checksum.
     let file = std::fs::read(&image).unwrap();
     let stated = dir.path().join("stated.png");
     std::fs::write(&stated, [&file[..33], b"\0\0\0\x01sRGB\0\xae\xce\x1c\xe9", &file[33..]].concat()).unwrap();
@@ -134,7 +135,7 @@ fn what_the_lens_cannot_show_is_refused() {
         assert!(text.contains(said), "{said}: {text}");
         assert!(!out.exists());
     };
-    // The paper's grating, before anything is read; and its scale, once lines are counted.
+    // The paper's grating, rejected before any file is read; and its scale, after lines are counted.
     refused(&["--lines-per-mm", "600"], "1.667 µm is below the optical cut-off of 8.57 µm");
     refused(&["--pixel-um", "0.083"], "below the optical cut-off");
     refused(&["--pixel-um", "2.5", "--f-number", "0"], "");
@@ -212,7 +213,7 @@ fn input_that_makes_no_sense_is_refused_by_name() {
         refused("lines.png", &["--psf-sigma", "1", option, value], "");
     }
     refused("lines.png", &["--psf-sigma", "1", "--known-shape", "blazed", "--known-depth-um", "-1"], "depth");
-    // Half of it unknown is no reason to give up.
+    // A photograph with half of its pixels unknown is still reconstructed.
     let half = |_: usize, y: usize, row: &mut [f32]| {
         row.iter_mut().enumerate().for_each(|(x, v)| {
             let light = 0.5 + 0.3 * (0.6 * x as f32).sin() + 0.01 * ((x * 7 + y * 13) % 11) as f32;
@@ -243,7 +244,7 @@ fn the_service_and_plans_deconvolve_too() {
     let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
     let done = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
     close(&done["report"]["lines"]["period_um"], 48.0, 1e-3);
-    // The same as the command's.
+    // The same result as from the command.
     let out = dir.path().join("command");
     reconstructed(&photo, &out, &["--psf-sigma", "2.2", "--lines-per-mm", "20.8333333"]);
     let served = service.get(&format!("{path}/files/deconvolved.exr")).expect(200);
@@ -259,7 +260,7 @@ fn the_service_and_plans_deconvolve_too() {
         let refused = ask(&options).expect(400).text();
         assert!(refused.to_lowercase().contains(word), "{options}: {refused}");
     }
-    // A plan merges its exposures and deconvolves them.
+    // A plan merges its exposures and deconvolves the result.
     let plan = |bokeh: Value| {
         let reconstruct = json!({ "method": "bokeh", "bokeh": bokeh });
         json!({ "plan": { "kind": "exposures", "exposures_ms": [5, 20], "reconstruct": reconstruct } })

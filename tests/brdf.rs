@@ -1,4 +1,4 @@
-//! BRDFs of surfaces as a user makes them: maps, slices, orders, the grating equation.
+//! BRDFs of surfaces from a user's point of view: maps, slices, orders, and the grating equation.
 
 #![allow(clippy::unwrap_used)]
 
@@ -8,7 +8,7 @@ use nacre_tests::{Place, Run, nacre};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Runs `nacre --json brdf …` in a folder, arguments split at spaces.
+/// Runs `nacre --json brdf …` in a folder, with arguments split at spaces.
 fn brdf(dir: &Path, args: &str) -> Run {
     let place = |arg: &str| {
         if arg.contains('.') && !arg.contains(['=', ':', ',']) && arg.parse::<f64>().is_err() {
@@ -38,14 +38,15 @@ fn a_blazed_grating_keeps_the_grating_equation_by_every_method() {
     for method in ["auto", "taylor", "chebyshev", "fft", "nmm", "pq", "pq-linear"] {
         let more = if method.starts_with("pq") { " --max-error 0.5" } else { "" };
         let run = brdf(dir, &format!("check blazed.exr --light 75 --period-um 2.5 --method {method}{more}"));
-        // The patch repeats three times within the coherence length: too few for linear interpolation, which says so.
+        // The patch repeats three times within the coherence length, which is too few for linear interpolation; the
+        // error is reported.
         let report = run.expect(if method == "pq-linear" { 1 } else { 0 }).json();
         assert!((number(&report["mean_nm"]) - 2500.0).abs() < 1.0, "{method}: {report}");
         assert!(number(&report["variance_nm2"]) <= 0.4, "{method}: {report}");
         let peak = &report["quality"]["periods"][0];
         assert!((number(&peak["period_um"]) - 2.5).abs() < number(&peak["resolution_um"]));
     }
-    // Other azimuths of the same light see no first order there.
+    // At this azimuth, no first order is visible.
     brdf(dir, "check blazed.exr --light 75 --period-um 900").expect(2);
 }
 
@@ -57,19 +58,19 @@ fn a_map_shows_violet_near_the_mirror_direction_and_red_far_from_it() {
     let report = brdf(dir, "map a.exr --size 401 --out map.exr").expect(0).json();
     assert!(number(&report["error_estimate"]) <= 0.01, "{report}");
     assert!(!report["choice"]["why"].as_str().unwrap().is_empty());
-    // A mirror would reflect all; the gain of oblique orders is near to 1.
+    // A mirror would reflect everything; the gain of oblique orders is close to 1.
     assert!((number(&report["albedo"][1]) - 1.0).abs() < 0.02, "{report}");
     let map = read_exr(&dir.join("map.exr")).unwrap();
     let at = |c: &str, x: usize| map.channels[c][200 * 401 + x];
     assert!(map.channels["Y"][0].is_nan() && at("Y", 200) > 0.0);
-    // Orders of λ lie at λ/1.6: 450 nm at 0.281, 550 nm at 0.344, 650 nm at 0.406.
+    // First orders lie at the sine λ/1.6: 450 nm at 0.281, 550 nm at 0.344, 650 nm at 0.406.
     let pixel = |sine: f64| (200.0 + sine * 200.5).round() as usize;
     for side in [1.0, -1.0] {
         let [blue, green, red] = [0.281, 0.344, 0.406].map(|s| pixel(side * s));
         assert!(at("Z", blue) > 2.0 * at("Y", blue), "blue {side}");
         assert!(at("Y", green) > at("X", green) && at("Y", green) > at("Z", green), "green {side}");
         assert!(at("X", red) > 1.5 * at("Y", red) && at("X", red) > 10.0 * at("Z", red), "red {side}");
-        // Both sides of a sinusoid are alike.
+        // A sinusoid is symmetric.
         let mirrored = pixel(-side * 0.344);
         assert!((at("Y", green) / at("Y", mirrored) - 1.0).abs() < 0.01);
     }
@@ -77,11 +78,11 @@ fn a_map_shows_violet_near_the_mirror_direction_and_red_far_from_it() {
     assert_eq!(json["product"], "map");
     let picture = image::open(dir.join("map.png")).unwrap();
     assert_eq!((picture.width(), picture.height()), (401, 401));
-    // Nothing is overwritten without being asked.
+    // Existing files are not overwritten without --force.
     assert!(brdf(dir, "map a.exr --size 401 --out map.exr").expect(2).stderr().contains("--force"));
     brdf(dir, "map a.exr --size 64 --method nmm --normalisation relative --material gold --force --out map.exr")
         .expect(0);
-    // A blazed grating is not the same to both sides.
+    // A blazed grating is asymmetric.
     brdf(dir, "surface blazed --period-um 1.6 --depth-um 0.25 --out b.exr").expect(0);
     brdf(dir, "map b.exr --size 401 --out blazed.exr --force").expect(0);
     let map = read_exr(&dir.join("blazed.exr")).unwrap();
@@ -104,7 +105,7 @@ fn slices_and_orders_are_those_of_the_closed_form() {
     let paper =
         brdf(dir, "orders --period-um 2 --depth-um 0.1 --wavelengths 550 --method taylor2 --out t.csv").expect(0);
     assert!((number(&paper.json()["sums"][0]) - 2.86).abs() < 0.02);
-    // The peaks of a slice are those of the orders: f = flux per lobe, density of the window at its peak.
+    // The peaks of a slice agree with the orders: f = flux per lobe, density of the window at its peak.
     brdf(dir, "surface sinusoid --period-um 2 --depth-um 0.1 --out a.exr").expect(0);
     brdf(dir, "slice a.exr --wavelengths 550 --views=-60:60:0.01 --out slice.csv").expect(0);
     let slice = rows(&dir.join("slice.csv"));
@@ -165,7 +166,8 @@ fn the_thesis_own_patches_show_their_periods() {
         println!("skipped: {} is not there", folder.display());
         return;
     }
-    // Their scale is not recorded. At 0.08 µm per pixel and 0.43 µm from black to white the fingers are about as far apart as the thesis says.
+    // Their scale is not recorded. With 0.08 µm per pixel and 0.43 µm from black to white, the spacing of the fingers
+    // agrees approximately with the thesis.
     let check = |name: &str, more: &str| {
         let path = folder.join(name);
         let args = format!("check {} --pixel-um 0.08 --range-um 0.43 --light 75{more}", path.display());
@@ -178,7 +180,7 @@ fn the_thesis_own_patches_show_their_periods() {
     let (mean, resolution) = (number(&elaphe["mean_nm"]), 1e3 * number(&peak["resolution_um"]));
     assert!((mean - 1e3 * number(&peak["period_um"])).abs() < resolution, "{mean} {peak}");
     assert!(number(&elaphe["variance_nm2"]) < 0.4 && (1100.0..1500.0).contains(&mean), "{elaphe}");
-    // Regions of two directions and periods: two ridges take turns in being the highest.
+    // Areas with two directions and periods: two ridges alternate as the highest one.
     let xenopeltis = check("Xeno100x100.png", " --coherence-um 16 --azimuth 104 --period-um 0.77");
     assert!(xenopeltis["ridges"].as_array().unwrap().len() >= 2, "{}", xenopeltis["ridges"]);
 }
@@ -194,7 +196,7 @@ fn terms_are_stored_in_the_precision_that_the_error_needs() {
     for report in [&exact, &loose] {
         assert!(number(&report["measured_error"]) <= number(&report["predicted_error"]), "{report}");
     }
-    // One file per term, each as large as its numbers.
+    // One file per term; its size depends on the number format.
     let size = |set: &str| std::fs::metadata(dir.join(set).join("term_000.exr")).unwrap().len();
     assert!(size("loose.set") < size("exact.set"));
     for report in [&exact, &loose] {
@@ -205,7 +207,7 @@ fn terms_are_stored_in_the_precision_that_the_error_needs() {
     let map = read_exr(&dir.join("loose.set/term_000.exr")).unwrap();
     let middle = map.height / 2 * map.width + map.width / 2;
     assert_eq!([map.channels["re"][middle], map.channels["im"][middle]], [1.0, 0.0]);
-    // The first order alone is too few here, and says so; nothing is replaced unasked.
+    // The first order alone is insufficient here, which is reported; existing files are not replaced.
     brdf(dir, "terms a.exr --coherence-um 12 --method taylor --order 1 --out first.set").expect(1);
     assert!(brdf(dir, "terms a.exr --out exact.set").expect(2).stderr().contains("exact"));
     assert!(brdf(dir, "terms a.exr --order 1 --out b.set").expect(2).stderr().contains("taylor"));
@@ -249,7 +251,7 @@ fn the_service_renders_uploaded_height_fields() {
     let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
     let done = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
     assert_eq!(done["report"]["settings"]["reflectance"], "gold", "{done}");
-    // The same as the command's.
+    // The same result as from the command.
     let more = "--pixel-um 0.1 --range-um 0.3 --size 64 --light 20 --illuminant D65 --material gold --out map.exr";
     brdf(&place.path("."), &format!("map heights.png {more}")).expect(0);
     let served = service.get(&format!("{path}/files/brdf.exr")).expect(200);
@@ -258,7 +260,7 @@ fn the_service_renders_uploaded_height_fields() {
     for c in ["X", "Y", "Z"] {
         assert!(a.channels[c].iter().zip(&b.channels[c]).all(|(a, b)| a.to_bits() == b.to_bits()), "{c}");
     }
-    // What is missing or wrong is said at once where it can be, and by the job otherwise.
+    // Missing or invalid options are reported at once if possible, otherwise by the job.
     for (options, word) in [
         (json!({ "size": 1 }), "size"),
         (json!({ "pixel_um": -1 }), "pixel"),
@@ -270,7 +272,7 @@ fn the_service_renders_uploaded_height_fields() {
         let refused = ask(options.clone()).expect(400).text();
         assert!(refused.contains(word), "{options}: {refused}");
     }
-    // A grid of numbers, as AFM programs write them, by name only where a height field is expected.
+    // A grid of numbers, as written by AFM software, recognised by name only where a height field is expected.
     let text = (0..64)
         .map(|y| (0..64).map(|x| format!("{}", (x + y) % 16)).collect::<Vec<_>>().join(" ") + "\n")
         .collect::<String>();
@@ -290,7 +292,7 @@ fn the_service_renders_uploaded_height_fields() {
     let failed = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
     let error = failed["error"].to_string();
     assert!(error.contains("with pixel_um") && !error.contains("--"), "{error}");
-    // Results are deleted when that is confirmed; what was uploaded goes with the last of them.
+    // Results are deleted after confirmation; an upload is deleted with the last result that uses it.
     let first = served_path(&service, &upload["id"]);
     let uploaded = place.path("data/uploads").join(upload["id"].as_str().unwrap());
     for (k, path) in first.iter().enumerate() {
@@ -311,7 +313,7 @@ fn the_service_renders_uploaded_height_fields() {
     assert_eq!(service.get("/api/v1/reconstructions").expect(200).json()["items"].as_array().unwrap().len(), 1);
 }
 
-/// The reconstructions of an upload.
+/// Reconstructions of an upload.
 fn served_path(service: &Service, upload: &Value) -> Vec<String> {
     let all = service.get("/api/v1/reconstructions").expect(200).json();
     let own = all["items"].as_array().unwrap().iter().filter(|job| &job["upload"] == upload);

@@ -1,4 +1,4 @@
-//! The page in a real browser, headless Chromium, on the simulated bench. Screenshots go to `target/screenshots`.
+//! The page in headless Chromium, with the simulated bench. Screenshots go to `target/screenshots`.
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
@@ -27,7 +27,7 @@ fn a_person_takes_a_session_and_looks_at_its_map() {
     browser.click("#jog-plus-10");
     browser.until("Math.abs(parseFloat(document.querySelector('#analyser-deg').textContent) - 10) < 0.2");
     browser.both("bench");
-    // Aids say what they see; a drawn ellipse is measured as it was drawn.
+    // Focusing aids report their findings; a drawn ellipse is measured as drawn.
     for aid in ["focus", "clipped", "grid", "region"] {
         browser.click(&format!("#aid-{aid}"));
     }
@@ -46,7 +46,7 @@ fn a_person_takes_a_session_and_looks_at_its_map() {
     ));
     browser.until("window.found");
     let found = browser.run("return window.found");
-    // Stripes are no region.
+    // Stripes do not count as a region.
     browser.run(
         "import('/assets/aids.js').then((m) => { window.none = String(m.region({ gray: Uint8Array.from({ length: 6400 }, (_, i) => (i % 20 < 8 ? 200 : 20)), width: 80, height: 80 })); })",
     );
@@ -56,7 +56,7 @@ fn a_person_takes_a_session_and_looks_at_its_map() {
     {
         assert!((found[key].as_f64().unwrap() - wanted).abs() < within, "{key}: {found}");
     }
-    // Half the light is as sharp.
+    // Sharpness is independent of the amount of light.
     assert!((found["sharp"].as_f64().unwrap() / found["half"].as_f64().unwrap() - 1.0).abs() < 0.01, "{found}");
 
     browser.open(&format!("{url}/#/new"));
@@ -115,7 +115,7 @@ fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
     browser.until("document.querySelector('#result-picture').naturalWidth === 128");
     browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'hdr.exr')");
     browser.both("result-hdr");
-    // The panel has no zero order, which the page says in the service's words.
+    // The panel has no zero order, which the page reports in the service's words.
     browser.until("document.querySelector('#lut-scale')");
     browser.run("for (const [id, v] of [['lut-scale', '0.002'], ['lut-size', '128']]) { document.getElementById(id).value = v; }");
     browser.click("#make-next");
@@ -148,7 +148,7 @@ fn a_person_plans_a_spot_scan() {
     let made = &plan["reconstruct"];
     assert_eq!((&made["method"], &made["spots"]["wavelength_nm"]), (&"spots".into(), &560.into()), "{plan}");
     browser.both("new-spots");
-    // What can be made of a bracket, with its options.
+    // Operations available for a bracket, with their options.
     browser.click("input[name=kind][value=flash]");
     browser.choose("plan-exposing", "bracket");
     for (method, field) in [("lut", "lut-wavelength-nm"), ("bokeh", "bokeh-psf"), ("flash", "flash-tiles")] {
@@ -195,7 +195,7 @@ fn a_person_uploads_photographs_of_diffraction() {
     browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'lut.exr')");
     browser.until("document.querySelector('svg path.light')?.getAttribute('d').length > 100");
     browser.both("result-lut");
-    // Under another light, from the same photograph.
+    // Another illuminant, from the same photograph.
     browser.run("document.getElementById('lut-illuminant').value = 'FL2'");
     browser.click("#make-next");
     browser.until("document.body.innerText.includes('FL2, observer')");
@@ -211,7 +211,7 @@ fn a_person_uploads_photographs_of_diffraction() {
     browser.until("document.querySelector('svg path.light')?.getAttribute('d').length > 100");
     browser.both("result-bokeh");
 
-    // A surface under light: an image of heights whose scale is said on the page.
+    // A surface under light: an image of heights with a scale given on the page.
     let heights = place.path("heights.png").to_str().unwrap().to_owned();
     let blaze: Vec<u8> = (0..128 * 128).map(|i| (i % 16 * 16) as u8).collect();
     nacre_processing::image::write_png8(Path::new(&heights), 128, 128, 1, &blaze).unwrap();
@@ -244,7 +244,7 @@ fn a_person_picks_the_corners_of_a_sheet_of_tiles() {
     browser.attach("#flash-frames", &format!("{photos}/frames.json"));
     let values = "[['tiles', 6], ['tiles-1', 5], ['size-mm', 178.2], ['size-mm-1', 131.25], ['camera-mm', 500]]";
     browser.run(&format!("for (const [id, v] of {values}) {{ document.getElementById('flash-' + id).value = v; }}"));
-    // The photograph by room light is the one to pick in.
+    // The photograph by room light is used for picking.
     let canvas = ".picker canvas";
     browser.until(&format!("document.querySelector('{canvas}')?.width === 300"));
     browser.run(&format!("document.querySelector('{canvas}').scrollIntoView({{ block: 'center' }})"));
@@ -273,7 +273,7 @@ fn a_person_picks_the_corners_of_a_sheet_of_tiles() {
     browser.run("window.scrollTo(0, 0)");
     browser.click("#upload-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth > 0");
-    // 1.66 µm, but for what a camera without a calibrated lens and whole pixels leave.
+    // 1.66 µm, within the error of an uncalibrated lens and of picking whole pixels.
     browser.until("/1\\.6[56]\\d ± /.test(document.body.innerText)");
     browser.both("result-flash");
 }
@@ -282,7 +282,7 @@ fn a_person_picks_the_corners_of_a_sheet_of_tiles() {
 fn a_person_edits_maps_and_sees_what_foil_and_a_calibration_ask() {
     let Some(browser) = Browser::start() else { return };
     let (place, _service, url) = service(128);
-    // A wheel of orientations, and periods that rise to the right.
+    // A wheel of orientations, and periods that increase to the right.
     let write = |name: &str, channel: &str, value: &(dyn Fn(f32, f32) -> f32 + Sync)| {
         let path = place.path(name);
         nacre_processing::image::write_exr(&path, 240, 160, &[channel], &[], &|_, y, row| {
@@ -311,7 +311,7 @@ fn a_person_edits_maps_and_sees_what_foil_and_a_calibration_ask() {
     browser.run("window.scrollTo(0, 0)");
     browser.click("#upload-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth > 0");
-    // 240 × 160 turned by 30° needs 288 × 259, twice beside itself.
+    // 240 × 160 rotated by 30° needs 288 × 259, drawn twice side by side.
     browser.until("document.body.innerText.includes('576 × 259')");
     browser.both("result-map");
 }
@@ -358,7 +358,7 @@ fn the_pattern_page_acknowledges_refuses_when_hidden_and_goes_black_in_silence()
         (json!({ "kind": "radial", "period_mm": 20, "phase_deg": 90 }), 100.0, 155.0),
         (json!({ "kind": "axial", "period_mm": 20, "angle_deg": 45, "phase_deg": 0 }), 100.0, 155.0),
         (json!({ "kind": "spots", "centers_mm": [[0, 0], [40, 40]], "diameter_mm": 30 }), 0.3, 200.0),
-        // As large as the screen, which headless Chromium takes for smaller than its window.
+        // The size of the screen, which headless Chromium reports as smaller than its window.
         (json!({ "kind": "checkerboard", "square_mm": 10 }), 40.0, 155.0),
     ] {
         let shown = show(pattern.clone()).expect(200).json();
@@ -369,7 +369,7 @@ fn the_pattern_page_acknowledges_refuses_when_hidden_and_goes_black_in_silence()
     }
     show(json!({ "kind": "spots", "centers_mm": [], "diameter_mm": -1 })).expect(400);
 
-    // Another window in front hides it.
+    // Another window in front hides the page.
     let first = browser.call("GET", "/window", &Value::Null);
     browser.call("POST", "/window/new", &json!({ "type": "tab" }));
     let handles = browser.call("GET", "/window/handles", &Value::Null);

@@ -1,4 +1,4 @@
-//! Capture sessions on the simulated bench: what they promise when they are stopped, killed or spoiled.
+//! Capture sessions on the simulated bench: guarantees after stops, kills and damage.
 
 #![allow(clippy::unwrap_used)]
 
@@ -118,7 +118,8 @@ fn estimates_hold_within_ten_percent() {
     }
 }
 
-/// Frames of a real size, as long as real ones take. The engine's own time is printed; 5 % of the devices' is usual.
+/// Frames of realistic size and duration. The engine's share of the time is printed; 5 % of the devices' time is
+/// typical.
 #[test]
 fn a_session_keeps_the_time_of_devices_and_engine() {
     let plan =
@@ -134,7 +135,7 @@ fn a_session_keeps_the_time_of_devices_and_engine() {
     assert_eq!(last["entry"]["finished"]["device_s"], run["timing"]["device_s"], "the journal keeps both");
 }
 
-/// The map that followed the frames is the one that the finished session gives.
+/// The live map is identical to that of the finished session.
 #[test]
 fn the_reconstruction_that_follows_equals_that_of_the_whole_session() {
     let plan = PLAN.to_owned() + "reconstruct = { operation = \"polarization\" }";
@@ -147,7 +148,7 @@ fn the_reconstruction_that_follows_equals_that_of_the_whole_session() {
     }
 }
 
-/// What `frames.json` says of each kind of plan.
+/// `frames.json` states the illumination of each kind of plan.
 #[test]
 fn frames_are_described_with_what_shone() {
     let frames = |plan: &str| {
@@ -168,7 +169,7 @@ fn frames_are_described_with_what_shone() {
     assert_eq!((&set["frames"][0]["flash"], &set["frames"][0]["spot"]), (&true.into(), &serde_json::Value::Null));
 }
 
-/// Repeats are different exposures, and the flash makes the difference that it should.
+/// Repeated frames are separate exposures, and the flash adds the expected light.
 #[test]
 fn repeats_differ_and_the_flash_lights() {
     let plan = "kind = \"free\"\nsteps = [{ exposure_ms = 5, display = { pattern = \"black\" } }, { exposure_ms = 5, display = { pattern = \"black\" } }, { exposure_ms = 5, display = { pattern = \"black\" }, flash = true }]";

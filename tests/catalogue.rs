@@ -1,4 +1,4 @@
-//! The catalogue of session folders: rebuilt, searched, damaged, shared.
+//! Catalogue of session folders: rebuild, search, damage, concurrent use.
 
 #![allow(clippy::unwrap_used)]
 
@@ -59,7 +59,7 @@ impl Place {
         page["sessions"].as_array().unwrap().clone()
     }
 
-    /// Last parts of the listed folders, in alphabetical order.
+    /// Last components of the listed folders, in alphabetical order.
     fn names(&self, args: &[&str]) -> Vec<String> {
         let folder = |row: &Value| PathBuf::from(row["folder"].as_str().unwrap());
         let name = |row| folder(row).file_name().unwrap().to_string_lossy().into_owned();
@@ -72,7 +72,7 @@ impl Place {
 #[test]
 fn sessions_are_found_listed_and_searched() {
     let place = Place::with(&["tile", "disc"]);
-    // A capture that stopped, and one that was killed.
+    // A stopped and a killed capture.
     let journal = fs::read_to_string(place.path("sessions/disc/journal")).unwrap();
     let lines: Vec<&str> = journal.split_inclusive('\n').collect();
     fs::write(place.path("sessions/disc/journal"), lines[..lines.len() - 3].concat()).unwrap();
@@ -122,7 +122,7 @@ fn sessions_are_found_listed_and_searched() {
 #[test]
 fn a_rebuild_follows_the_folders_and_needs_no_old_catalogue() {
     let place = Place::with(&["one", "two", "three"]);
-    // Deep enough to be found, too deep, and behind a link.
+    // At the maximum depth, too deep, and behind a link.
     let (deep, deeper) = (place.path("sessions/1/2/3/4/5/6/7"), place.path("sessions/a/2/3/4/5/6/7/8"));
     for folder in [&deep, &deeper] {
         fs::create_dir_all(folder).unwrap();
@@ -180,7 +180,7 @@ fn files_that_are_no_catalogue_of_this_version_are_refused_and_untouched() {
     let database = place.path("data/catalogue.db");
     assert_eq!(listing(&place.path("data")), ["catalogue.db"], "everything is in one file once a command has ended");
     let good = fs::read(&database).unwrap();
-    // Of the header of an SQLite file: the user version, the application, and the format itself.
+    // In the header of an SQLite file: user version, application id, and format.
     let patched = |at: usize, bytes: &[u8]| {
         let mut all = good.clone();
         all[at..at + bytes.len()].copy_from_slice(bytes);
@@ -207,7 +207,7 @@ fn files_that_are_no_catalogue_of_this_version_are_refused_and_untouched() {
     }
 }
 
-/// All at once, beginning with the making of the file; one of them also rebuilds.
+/// Several processes use the catalogue at once, starting with the creation of the file; one of them also rebuilds it.
 #[test]
 fn processes_that_use_the_catalogue_at_once_all_succeed() {
     let names = ["a", "b", "c"];
@@ -236,7 +236,7 @@ fn adding_again_brings_a_session_up_to_date() {
     fs::write(place.path("sessions/s/journal"), "").unwrap();
     assert_eq!(place.run(&["add", &session]).expect(0).json()["state"], "unfinished");
     fs::write(place.path("sessions/s/journal"), journal).unwrap();
-    // By another name of the same folder, at the place that the environment says.
+    // By another name of the same folder, at the location given by the environment.
     let again = format!("{session}/../s/");
     let run = Command::new(binary())
         .args(["catalogue", "add", &again])
@@ -250,7 +250,7 @@ fn adding_again_brings_a_session_up_to_date() {
 #[test]
 fn paging_returns_every_session_once_whatever_is_added_meanwhile() {
     let place = Place::with(&["s0"]);
-    // Copies have equal times in groups, so that the order within a second counts.
+    // Copies share times in groups, so that the order within a second matters.
     for k in 1..11 {
         let copy = place.path(&format!("sessions/s{k}"));
         fs::create_dir(&copy).unwrap();

@@ -12,7 +12,7 @@ fn chart<'a>(names: &[&'a str], out: &'a Path) -> Vec<&'a str> {
     fixed.into_iter().chain(names.iter().copied()).collect()
 }
 
-/// Measurements without their times, which never repeat.
+/// Measurements without their times, which vary between runs.
 fn measurements(file: &Path) -> Vec<serde_json::Value> {
     let text = std::fs::read_to_string(file).unwrap();
     let parse = |line: &str| {
@@ -38,7 +38,7 @@ fn quick_charts_hold_what_they_promise() {
     assert!(names.iter().all(|n| page.contains(&format!("{n}/{n}.svg"))));
     assert_theory(&out);
     assert_map_is_drawn(&out.join("maps/maps.png"));
-    // Nothing is measured twice, and another seed is not mixed in.
+    // No measurement is repeated, and measurements of another seed are kept apart.
     let before = std::fs::read(out.join("frames/raw.jsonl")).unwrap();
     nacre(chart(&["frames"], &out)).expect(0);
     assert_eq!(std::fs::read(out.join("frames/raw.jsonl")).unwrap(), before);
@@ -48,7 +48,7 @@ fn quick_charts_hold_what_they_promise() {
     assert!(!listing(Path::new(out)).iter().any(|n| n.starts_with(".tmp")));
 }
 
-/// More frames, less error, as σ_I / (√(2N) B) says: within 10 % on a quick look's few pixels.
+/// The error decreases with the number of frames as σ_I / (√(2N) B), within 10 % for the few pixels of a quick run.
 fn assert_theory(out: &Path) {
     let text = std::fs::read(out.join("frames/frames.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_slice(&text).unwrap();
@@ -60,7 +60,7 @@ fn assert_theory(out: &Path) {
     }
 }
 
-/// The maps are pictures inside the picture: many colours where the first of them is.
+/// The maps are embedded pictures: many colours at the position of the first one.
 fn assert_map_is_drawn(png: &Path) {
     let image = image::open(png).unwrap().to_rgb8();
     let colors: std::collections::HashSet<_> = (0..200).map(|k| image.get_pixel(140 + k, 340).0).collect();
@@ -122,7 +122,7 @@ fn the_service_lists_charts_and_gives_their_files() {
         service.get(&format!("/api/v1/charts/{wrong}")).expect(404);
     }
 
-    // Deleted when that is confirmed, and nothing beside it.
+    // Deleted after confirmation, without affecting other files.
     std::os::unix::fs::symlink(&folder, place.path("data/charts/link")).unwrap();
     for wrong in ["none", "damaged", "link", "..", "%2e%2e", "..%2fcharts%2ffirst"] {
         service.get(&format!("/api/v1/charts/{wrong}/deletion")).expect(404);

@@ -10,10 +10,10 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longer than anything takes on two cores that also do something else: a page drawn by software takes seconds a frame.
+/// Upper limit of any wait on two busy cores, where software rendering takes seconds per frame.
 const PATIENCE: Duration = Duration::from_secs(150);
 
-/// Chromium behind its driver, which speaks the W3C WebDriver protocol.
+/// Chromium with its driver, which implements the W3C WebDriver protocol.
 pub struct Browser {
     driver: Child,
     address: SocketAddr,
@@ -23,20 +23,20 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// None where there is no Chromium.
+    /// `None` without Chromium.
     pub fn start() -> Option<Self> {
         Self::with(&["--disable-gpu"])
     }
 
-    /// The same with WebGPU, on software: headless Chromium offers it for the asking only. Its pictures get onto the page where all that draws uses
-    /// the same software.
+    /// With WebGPU in software, which headless Chromium offers only on request. Its pictures appear on the page only if
+    /// all rendering uses the same software.
     pub fn with_webgpu() -> Option<Self> {
         let software = ["--use-webgpu-adapter=swiftshader", "--use-angle=swiftshader", "--use-vulkan=swiftshader"];
         Self::with(&[&["--enable-unsafe-webgpu", "--enable-features=Vulkan"], &software[..]].concat())
     }
 
     fn with(drawing: &[&str]) -> Option<Self> {
-        // It chooses its own port and says which: one that was free a moment ago may be another test's by now.
+        // The driver chooses and prints a free port, because a port found beforehand may be taken by another test.
         let driver = Command::new("chromedriver").arg("--port=0").stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut driver) = driver else {
             println!("skipped: no chromedriver");
@@ -46,7 +46,7 @@ impl Browser {
         let port = lines
             .find_map(|line| line.split_once("started successfully on port ")?.1.trim_end_matches('.').parse().ok());
         let port: u16 = port.expect("chromedriver says no port");
-        // What it says later must not stop it.
+        // Keeps reading, so that further output does not block the driver.
         std::thread::spawn(move || lines.for_each(drop));
         let profile = tempfile::tempdir().unwrap();
         let address = SocketAddr::from(([127, 0, 0, 1], port));
@@ -73,7 +73,7 @@ impl Browser {
         Some(browser)
     }
 
-    /// A request of the protocol, of this session.
+    /// Sends a request of the protocol within this session.
     pub fn call(&self, method: &str, path: &str, body: &Value) -> Value {
         let path = format!("/session{}{path}", self.session);
         let body = if method == "POST" { body.to_string() } else { String::new() };
@@ -91,12 +91,12 @@ impl Browser {
         self.call("POST", "/url", &json!({ "url": url }));
     }
 
-    /// The value of a script.
+    /// Runs a script and returns its value.
     pub fn run(&self, script: &str) -> Value {
         self.call("POST", "/execute/sync", &json!({ "script": script, "args": [] }))
     }
 
-    /// Waits until a script's value is true.
+    /// Waits until a script returns true.
     pub fn until(&self, script: &str) {
         let begun = Instant::now();
         while self.run(&format!("try {{ return Boolean({script}) }} catch {{ return false }}")) != true {
@@ -108,7 +108,7 @@ impl Browser {
         }
     }
 
-    /// Clicks as a person does: the element has to be there and in reach.
+    /// Clicks as a person does: the element must exist and be reachable.
     pub fn click(&self, css: &str) {
         self.until(&format!("document.querySelector('{css}') && !document.querySelector('{css}').disabled"));
         self.call("POST", &format!("/element/{}/click", self.element(css)), &json!({}));
@@ -120,7 +120,7 @@ impl Browser {
         found.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned()
     }
 
-    /// Chooses from a list.
+    /// Selects from a list.
     pub fn choose(&self, id: &str, value: &str) {
         self.run(&format!(
             "const list = document.querySelector('#{id}'); list.value = '{value}'; list.dispatchEvent(new Event('change', {{ bubbles: true }}));"
@@ -134,25 +134,25 @@ impl Browser {
         self.choose("method", method);
     }
 
-    /// Gives a file to a file input.
+    /// Sets the file of a file input.
     pub fn attach(&self, css: &str, file: &str) {
         self.call("POST", &format!("/element/{}/value", self.element(css)), &json!({ "text": file }));
     }
 
-    /// What the screen shows of an element, as a PNG.
+    /// Screenshot of an element as a PNG.
     pub fn element_shot(&self, css: &str) -> Vec<u8> {
         let text = self.call("GET", &format!("/element/{}/screenshot", self.element(css)), &Value::Null);
         decoded(text.as_str().unwrap())
     }
 
-    /// Where downloads go, without asking.
+    /// Sets the download folder, without a prompt.
     pub fn downloads_to(&self, folder: &Path) {
         let params = json!({ "behavior": "allow", "downloadPath": folder });
         let command = json!({ "cmd": "Browser.setDownloadBehavior", "params": params });
         self.call("POST", "/goog/cdp/execute", &command);
     }
 
-    /// Keeps a picture of the page in `target/screenshots`.
+    /// Saves a screenshot of the page in `target/screenshots`.
     pub fn shot(&self, name: &str) {
         let text = self.call("GET", "/screenshot", &Value::Null);
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/screenshots");
@@ -160,7 +160,7 @@ impl Browser {
         std::fs::write(folder.join(format!("{name}.png")), decoded(text.as_str().unwrap())).unwrap();
     }
 
-    /// The page as it is, light and dark.
+    /// Screenshots of the page in its light and dark theme.
     pub fn both(&self, name: &str) {
         for theme in ["light", "dark"] {
             let set = "document.documentElement.dataset.theme";
@@ -186,7 +186,7 @@ impl Drop for Browser {
     }
 }
 
-/// Base64, as the driver sends pictures.
+/// Decodes base64, as the driver sends pictures.
 fn decoded(text: &str) -> Vec<u8> {
     let value = |c: u8| match c {
         b'A'..=b'Z' => c - b'A',

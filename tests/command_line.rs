@@ -1,4 +1,4 @@
-//! The commands as a user types them: demo, import, reconstruct, sim, schema.
+//! Commands as a user types them: demo, import, reconstruct, sim, schema.
 
 #![allow(clippy::unwrap_used)]
 
@@ -26,7 +26,7 @@ fn the_demo_meets_its_bound_and_says_where_things_are() {
     assert!(again.stderr().contains("session"), "{}", again.stderr());
 }
 
-/// A strong film bends the phase: the sinusoid says so, and `auto` finds the film.
+/// A strongly birefringent film distorts the phase: the sinusoid model warns, and `auto` selects the film model.
 #[test]
 fn a_birefringent_film_is_found_and_the_sinusoid_warned_of() {
     let folder = tempfile::tempdir().unwrap();
@@ -119,7 +119,7 @@ fn the_eight_photographs_agree_with_plain_least_squares() {
     compare_stokes(&result, &angles, &images, |i, k| images[k][i]);
 }
 
-/// Of the eight photographs four are repeats of the others, 180° apart: what they differ by is what σ says.
+/// Four of the eight photographs repeat the others at 180°: their differences agree with σ.
 #[test]
 fn the_eight_photographs_repeat_each_other_as_sigma_says() {
     let Some(data) = test_data() else { return };
@@ -136,9 +136,9 @@ fn the_eight_photographs_repeat_each_other_as_sigma_says() {
     for chi2 in ["chi2", "chi2_median"] {
         assert!((0.8..=1.3).contains(&found[chi2].as_f64().unwrap()), "{found}");
     }
-    // Half of at most 32,768 pixels, none of them used for calibration.
+    // Half of at most 32,768 pixels, none of which is used for calibration.
     assert!((10_000..=16_384).contains(&found["pixels"].as_u64().unwrap()), "{found}");
-    // Rounding to 8 bit is an error even where it hides the noise.
+    // Rounding to 8 bit contributes to the error even where it masks the noise.
     assert!(report["noise"]["floor"].as_f64().unwrap() >= 0.999 / (12.0 * 255.0 * 255.0), "{}", report["noise"]);
 }
 
@@ -162,9 +162,9 @@ fn the_polarization_sensor_agrees_with_plain_least_squares() {
     compare_stokes(&result, &[90.0, 45.0, 135.0, 0.0], &images, at);
 }
 
-/// Least squares of its own: normal equations per pixel in f64, solved by elimination.
+/// Independent least squares: normal equations per pixel in f64, solved by elimination.
 fn compare_stokes(result: &Path, angles: &[f64], images: &[Vec<f64>], at: impl Fn(usize, usize) -> f64) {
-    // Its four polarizers see different places, which σ contains.
+    // The sensor's four polarizers see different positions, which σ includes.
     let of_sensor = images.len() == 4;
     let stokes = read_exr(&result.join("stokes.exr")).unwrap();
     let map = read_exr(&result.join("aolp.exr")).unwrap();
@@ -189,7 +189,7 @@ fn compare_stokes(result: &Path, angles: &[f64], images: &[Vec<f64>], at: impl F
             }
         }
         let [mask, aolp, sigma] = ["mask", "aolp", "sigma"].map(|c| map.channels[c][i]);
-        // The mask goes by σ of noise, which is all of it for photographs of one place.
+        // The mask depends on σ from noise, which is the total for photographs of one view.
         let measured = !saturated && sigma <= 0.125;
         assert!(if of_sensor { measured <= (mask == 1.0) } else { measured == (mask == 1.0) }, "pixel {i}");
         assert!(mask == 0.0 || !saturated, "pixel {i}");
@@ -232,7 +232,7 @@ fn import_asks_instead_of_guessing_and_never_overwrites() {
     assert_eq!(listing(folder.path()).len(), 4);
 }
 
-/// Empty grey photographs of these names.
+/// Uniform grey photographs with these names.
 fn grey(names: &[&str]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     names.iter().for_each(|name| image::GrayImage::new(4, 4).save(folder.path().join(name)).unwrap());
@@ -271,7 +271,7 @@ fn import_refuses_angles_that_file_names_contradict() {
             "{refused}"
         );
     }
-    // In the order of the sorted names; half a turn more is the same, and names may be rounded.
+    // In the order of the sorted names; half a turn more is equivalent, and names may be rounded.
     for right in ["0,135,45,90", "180,-45,45.4,89.7"] {
         given(right, &[]).expect(0);
     }
@@ -280,7 +280,7 @@ fn import_refuses_angles_that_file_names_contradict() {
     given("0,135,45,90", &["--kind", "exposures"]).expect(2);
 }
 
-/// What is wrong with an option is said of its flag, not of a key that nobody wrote.
+/// Messages about options name the flag, not the key.
 #[test]
 fn messages_name_flags() {
     let photo = grey(&["000.png", "060.png", "120.png"]);
@@ -365,7 +365,7 @@ fn what_is_wrong_is_json_too_for_a_program() {
     assert!(bad.stderr().contains("nowhere"));
     let usage = nacre(["--json", "reconstruct", "hdr", "--no-such-option"]).expect(2);
     assert!(usage.json()["detail"].as_str().unwrap().contains("--no-such-option"));
-    // Without --json nothing but the result goes to standard output.
+    // Without --json, only the result goes to standard output.
     assert_eq!(nacre(["reconstruct", "hdr", "--no-such-option"]).expect(2).stdout(), "");
 }
 
@@ -379,7 +379,7 @@ fn shells_manual_and_version_know_the_commands() {
     for page in ["nacre.1", "nacre-reconstruct-polarization.1", "nacre-sim-photograph-flash.1"] {
         assert!(named.contains(&page), "{page}: {named:?}");
     }
-    // Hidden commands are nobody's business.
+    // Hidden commands have no manual page.
     assert!(named.iter().all(|page| !page.contains("guardian") && !page.contains("job")), "{named:?}");
     let page = std::fs::read_to_string(pages.join("nacre-reconstruct-lut.1")).unwrap();
     assert!(page.contains("wavelength") && page.contains("Examples"), "{page}");

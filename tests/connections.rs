@@ -1,4 +1,5 @@
-//! Connections of clients that send nothing, too little or read nothing: others are served, and the service ends in time.
+//! Connections of clients that send nothing or incomplete requests, or that do not read: other clients are served, and
+//! the service stops in time.
 
 #![allow(clippy::unwrap_used)]
 
@@ -11,7 +12,7 @@ use std::net::TcpStream;
 use std::os::unix::net::UnixDatagram;
 use std::time::{Duration, Instant};
 
-/// Clients have 5 s.
+/// Clients have a time limit of 5 s.
 const LIMITS: &str = "limits = { client_s = 5, requests = 2, subscribers = 4 }";
 
 fn with_limits() -> (Place, Service) {
@@ -21,7 +22,7 @@ fn with_limits() -> (Place, Service) {
     (place, service)
 }
 
-/// What comes until the other end closes. Meanwhile a byte is sent now and then.
+/// Response until the server closes the connection, while one byte is sent from time to time.
 fn trickle(mut stream: TcpStream) -> String {
     stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
     let (begun, mut answer, mut buffer) = (Instant::now(), vec![], [0; 4096]);
@@ -30,7 +31,7 @@ fn trickle(mut stream: TcpStream) -> String {
         match stream.read(&mut buffer) {
             Ok(0) => return String::from_utf8_lossy(&answer).into_owned(),
             Ok(n) => answer.extend_from_slice(&buffer[..n]),
-            // It may be closed between reading and writing.
+            // The connection may be closed between reading and writing.
             Err(e) if e.kind() == ErrorKind::WouldBlock => drop(stream.write(b"x")),
             Err(_) => return String::from_utf8_lossy(&answer).into_owned(),
         }
@@ -51,7 +52,7 @@ fn idle_connections_shut_nobody_out() {
     finished(&service, &id);
     service.post("/api/v1/stop", &json!({})).expect(200);
     assert_eq!(service.get("/api/v1/sessions").expect(200).json()["items"][0]["id"], id.as_str());
-    // The event stream was kept all the time.
+    // The event stream was kept throughout.
     let mut told = vec![];
     stream.set_read_timeout(Some(Duration::from_secs(180))).unwrap();
     while !String::from_utf8_lossy(&told).contains("finished") {
@@ -174,7 +175,7 @@ fn the_service_ends_whatever_clients_do() {
     }
 }
 
-/// As `Type=notify` and `WatchdogSec=` of a unit want it.
+/// Notifications required by a systemd unit with `Type=notify` and `WatchdogSec=`.
 #[test]
 fn systemd_is_told_that_it_is_ready_alive_and_stopping() {
     let place = Place::with_bench("", BENCH);

@@ -1,4 +1,4 @@
-//! Computations in processes of their own: whatever happens to one, the service and its bench go on.
+//! Computations in separate processes: service and bench survive any failure of one of them.
 
 #![allow(clippy::unwrap_used)]
 
@@ -10,7 +10,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-/// A tile under a lamp, of so many pixels.
+/// A tile under a lamp, with this picture size.
 fn scene(width: usize, height: usize) -> String {
     format!(
         "[camera]\nposition = [0, 0, 300]\ntarget = [0, 0, 0]\nfov_deg = 20\nwidth = {width}\nheight = {height}\n
@@ -25,14 +25,14 @@ fn upload(service: &Service, scene: &str) -> Value {
     service.upload(&parts).expect(201).json()["id"].clone()
 }
 
-/// The path of a job that renders an upload.
+/// Path of a job that renders an upload.
 fn render(service: &Service, upload: &Value, options: &Value) -> String {
     let asked = json!({ "upload": upload, "method": "render", "options": options });
     let job = service.post("/api/v1/reconstructions", &asked).expect(202).json();
     format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap())
 }
 
-/// Begins a rendering that takes for ever; its path.
+/// Starts a rendering without end; returns its path.
 fn endless(service: &Service) -> String {
     let job =
         render(service, &upload(service, &scene(160, 40)), &json!({ "samples": 1_000_000, "max_error": 0.00001 }));
@@ -54,7 +54,7 @@ fn stat(pid: u32) -> Vec<String> {
     text.rsplit(") ").next().unwrap_or_default().split(' ').map(str::to_owned).collect()
 }
 
-/// Processes that compute for a service.
+/// Computing processes of a service.
 fn computing(service: &Service) -> Vec<u32> {
     let processes = fs::read_dir("/proc").unwrap().flatten();
     let pids = processes.filter_map(|p| p.file_name().to_str()?.parse::<u32>().ok());
@@ -98,12 +98,12 @@ fn a_job_whose_process_is_killed_fails_and_a_session_goes_on() {
     finished(&service, &session);
     nacre(["check", &place.text(&format!("data/sessions/{session}"))]).expect(0);
     assert!(listing(&place.path("data/reconstructions")).is_empty());
-    // The next one is done.
+    // The next job succeeds.
     let job = render(&service, &upload(&service, &scene(16, 12)), &json!({ "samples": 4, "max_error": 1 }));
     assert_eq!(ended(&service, &job)["state"], "done");
 }
 
-/// A process that does not even answer a wish to stop is killed, with what it has begun to write.
+/// A process that ignores the request to stop is killed, and its partial output is removed.
 #[test]
 fn a_cancelled_job_ends_whether_its_process_listens_or_not() {
     let place = Place::with_bench("", BENCH);
@@ -129,7 +129,7 @@ fn a_job_that_needs_more_memory_than_it_may_take_fails_and_says_so() {
     let options = json!({ "samples": 4, "max_error": 1 });
     let small = render(&service, &upload(&service, &scene(64, 48)), &options);
     assert_eq!(ended(&service, &small)["state"], "done");
-    // The triangles of a mesh are in no header.
+    // The number of triangles of a mesh is in no header.
     let mesh = scene(64, 48).replace("\"plane\"\nsize = [80, 80]", "\"mesh\"\nfile = \"fine.obj\"");
     let vertices: String = (0..700 * 700).map(|i| format!("v {} {} 0\n", i % 700, i / 700)).collect();
     let quad = |i: usize| format!("f {} {} {} {}\n", i + 1, i + 2, i + 702, i + 701);
@@ -152,7 +152,7 @@ fn a_job_during_which_the_service_died_twice_is_not_tried_again() {
     let service = Service::start(&place, &[]);
     let job = endless(&service);
     assert_eq!(computing(&service).len(), 1);
-    // This checks that no process is left.
+    // `kill` asserts that no process remains.
     service.kill();
     let service = Service::start(&place, &[]);
     under_way(&service, &job);
@@ -163,7 +163,7 @@ fn a_job_during_which_the_service_died_twice_is_not_tried_again() {
     assert_eq!((&failed["state"], &failed["attempts"]), (&json!("failed"), &json!(2)), "{failed}");
     assert!(failed["error"].as_str().unwrap().contains("the service was killed"), "{failed}");
     assert!(computing(&service).is_empty());
-    // A person may still ask for it again, and what killed processes left goes.
+    // A user can still retry it, and remains of killed processes are removed.
     service.post(&format!("{job}/retry"), &json!({})).expect(202);
     under_way(&service, &job);
     assert_eq!(listing(&place.path("data/reconstructions")).len(), 1);
@@ -172,7 +172,7 @@ fn a_job_during_which_the_service_died_twice_is_not_tried_again() {
     assert!(listing(&place.path("data/reconstructions")).is_empty());
 }
 
-/// The service ends in time, and the job waits for its next start.
+/// The service stops in time, and the job waits for its next start.
 #[test]
 fn a_job_is_put_back_when_the_service_ends() {
     let place = Place::with_bench("", BENCH);
@@ -196,7 +196,7 @@ fn the_hidden_command_refuses_a_person_and_ends_without_its_parent() {
     assert!(String::from_utf8_lossy(&run.stderr).contains("for the program itself"));
     assert!(!nacre(["--help"]).stdout().contains("  job"));
     assert_gone(&mark);
-    // Asked by a process that is no longer there.
+    // Requested by a process that no longer exists.
     let (mut program, mark) = command();
     let mut child = program.arg("job").stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let order =
@@ -206,7 +206,7 @@ fn the_hidden_command_refuses_a_person_and_ends_without_its_parent() {
     assert_gone(&mark);
 }
 
-/// An uncompressed DNG of a mosaic.
+/// An uncompressed mosaic DNG.
 fn dng(width: u32, height: u32) -> Vec<u8> {
     let pixels = width * height * 2;
     let short = |tag: u16, value: u32| (tag, 3_u16, 1_u32, value.to_le_bytes());
@@ -240,7 +240,7 @@ fn dng(width: u32, height: u32) -> Vec<u8> {
     file
 }
 
-/// Whether this build reads camera raw files.
+/// True if this build reads camera raw files.
 fn reads_raw(place: &Place) -> bool {
     fs::create_dir(place.path("raw")).unwrap();
     fs::write(place.path("raw/000.dng"), dng(64, 48)).unwrap();
@@ -268,7 +268,7 @@ fn a_camera_raw_file_that_needs_more_memory_than_allowed_is_refused_by_name() {
     sent(&dng(64, 48)).expect(201);
 }
 
-/// The same pixels on the command line, where a process decodes the file as well.
+/// The same pixels as from the command line, which also decodes the file in a separate process.
 #[test]
 fn a_contained_decoder_delivers_the_values_of_the_file() {
     let place = Place::with_bench("", BENCH);
@@ -287,7 +287,7 @@ fn a_contained_decoder_delivers_the_values_of_the_file() {
     assert_eq!((&report["width"], &report["height"]), (&json!(width / 2), &json!(height / 2)));
 }
 
-/// Size, levels and exposure of a file come from one process, its pixels from another one.
+/// One process reads a file's size, levels and exposure; another reads its pixels.
 #[test]
 fn an_import_starts_two_decoders_per_file() {
     let place = Place::with_bench("", BENCH);
@@ -298,7 +298,7 @@ fn an_import_starts_two_decoders_per_file() {
     for n in [0, 45, 90, 135] {
         fs::write(place.path(&format!("raw/{n:03}.dng")), dng(64, 48)).unwrap();
     }
-    // Each decoder has a folder for its temporaries, made by the program that starts it.
+    // Each decoder has a folder for temporary files, created by its parent.
     fs::create_dir(place.path("tmp")).unwrap();
     let watch = inotify::init(inotify::CreateFlags::NONBLOCK).unwrap();
     inotify::add_watch(&watch, place.path("tmp"), inotify::WatchFlags::CREATE).unwrap();
@@ -316,7 +316,7 @@ fn an_import_starts_two_decoders_per_file() {
     assert!(listing(&place.path("tmp")).is_empty());
 }
 
-/// Third-party decoders can abort or hang on a damaged file: that is bad input like any other.
+/// Third-party decoders may abort or hang on a damaged file, which counts as invalid input.
 #[test]
 fn a_decoder_that_aborts_or_hangs_is_bad_input() {
     let place = Place::with_bench("", BENCH);
@@ -330,7 +330,7 @@ fn a_decoder_that_aborts_or_hangs_is_bad_input() {
     fs::remove_file(place.path("raw/frames.json")).unwrap_or_default();
     for (fails, words) in [("abort", "its decoder crashed (signal 6)"), ("loop", "its decoder took more than")] {
         let (program, mark) = command();
-        // A decoder may take two minutes, or less where the limit of processor time is lower.
+        // A decoder has a time limit of two minutes, or the limit of processor time if that is lower.
         let mut limited = Command::new("sh");
         limited.args(["-c", "ulimit -S -t 2; exec \"$0\" \"$@\""]).arg(program.get_program());
         limited.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));

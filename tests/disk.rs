@@ -1,4 +1,4 @@
-//! A data folder on a disk that is full, read-only, or belongs to somebody else.
+//! A data folder on a disk that is full, read-only, or owned by another user.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -39,12 +39,12 @@ fn after_a_full_disk_all_is_well() {
     fill(&disk.data);
     about(&disk.service, true);
     let answers: Vec<Answer> = (0..8).map(|_| ask()).collect();
-    // Some may fit into what the database has already; then none do.
+    // A few may fit into free space of the database; the remaining ones fail.
     assert!(answers.iter().all(|a| [202, 507].contains(&a.status)), "{:?}", answers.last().unwrap().text());
     full(ask());
     full(service.post("/api/v1/sessions", &exposures()));
     full(service.upload(&[("kind", "", b"photographs"), ("file", "a.png", &[7; 1 << 16])]));
-    // Whatever is read is read, and what is over is deleted.
+    // Reading still works, and finished items can be deleted.
     service.get(&format!("/api/v1/sessions/{id}")).expect(200);
     service.get("/api/v1/reconstructions").expect(200);
 
@@ -61,7 +61,7 @@ fn after_a_full_disk_all_is_well() {
     service.until(&path, |job| job["state"] == "done");
 }
 
-/// A reconstruction can be deleted while the disk is full, and sessions that were captured meanwhile are found afterwards.
+/// A reconstruction can be deleted while the disk is full, and sessions captured meanwhile are found afterwards.
 #[test]
 fn a_full_disk_is_emptied_over_rest() {
     let place = Place::with_bench("", BENCH);
@@ -98,7 +98,7 @@ fn on_a_full_disk_the_service_starts_and_recovers() {
     let [kept, deleted] = [(); 2].map(|()| begin_and_finish(&service));
     let upload = service.upload(&[("kind", "", b"surface"), ("file", "a.txt", &[b'1'; 9000])]).expect(201).json();
     let upload = upload["id"].as_str().unwrap().to_owned();
-    // Killed, so that there is a log that the databases have to read.
+    // Killed, so that the databases have a log to recover.
     service.kill();
     fs::rename(place.path("data"), place.path("before")).unwrap();
     let script = "cp -a ../before/. . && rm -f *-shm && { dd if=/dev/zero of=fill bs=4k 2>/dev/null; true; }";
@@ -124,7 +124,7 @@ fn on_a_full_disk_the_service_starts_and_recovers() {
     assert_eq!(all["items"][0]["id"], kept.as_str());
 }
 
-/// Runs `nacre serve` in a shell, after a preparation; its exit code and what it says.
+/// Runs `nacre serve` in a shell after a preparation; returns exit code and output.
 fn serve(place: &Place, flag: &str, prepare: &str) -> (Option<i32>, String) {
     let script = format!("{prepare} exec \"$NACRE\" serve --sim --listen 127.0.0.1:0 --data \"$DATA\"");
     let mut command = Command::new("unshare");
@@ -165,7 +165,8 @@ fn too_many_open_files_are_named() {
         );
     };
     let path = format!("/api/v1/sessions/{id}/files/frames.json");
-    // With one limit there is a file for the connection, and none for what it asks for. Databases open and close some meanwhile.
+    // With one limit, a file is available for the connection, but none for the request. Databases open and close some
+    // files meanwhile.
     let begun = Instant::now();
     let mut answers = (0..8).rev().cycle().map(|spare| {
         limit(open() + spare);

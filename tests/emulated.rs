@@ -1,5 +1,5 @@
-//! Sessions through the real drivers, down to the bytes: emulated devices turn the simulated bench's analyser and switch its
-//! flash, and what is captured equals what the simulated devices give.
+//! Sessions through the real drivers, down to the wire protocol. Emulated devices rotate the simulated bench's analyser
+//! and switch its flash; the captured data equal those of simulated devices.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
@@ -10,21 +10,22 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// A device without a fault never takes as long, in ms.
+/// Upper limit in ms of any response of a device without a fault.
 const LONG_MS: u64 = 60_000;
 
-/// A bench with emulated devices, and a configuration that drives them.
+/// A bench with emulated devices, and a configuration for them.
 struct Emulated {
     bench: BenchProcess,
     folder: PathBuf,
 }
 
 impl Emulated {
-    /// `stage` is elliptec or grbl, `flash` relay, blink1 or bulk; `more` goes to the bench.
+    /// `stage` is elliptec or grbl, `flash` is relay, blink1 or bulk; `more` is passed to the bench.
     fn start(place: &Place, [stage, flash]: [&str; 2], more: &[&str]) -> Self {
         let folder = place.path("");
         let [port, lamp] = ["stage", "lamp"].map(|name| folder.join(name));
-        // A stage that has a fault keeps its driver waiting as long as this. One without answers, however busy the machine is.
+        // A faulty stage makes its driver wait for this limit. Without a fault, a response arrives in time on any busy
+        // machine.
         let faulty = more.iter().any(|word| word.starts_with(&format!("{stage}:")));
         let [answer_ms, start_ms, move_ms] = if faulty { [300, 1500, 3000] } else { [LONG_MS; 3] };
         let patience = match stage {
@@ -59,7 +60,7 @@ impl Emulated {
 
 #[test]
 fn a_session_through_the_drivers_equals_that_of_the_simulated_devices() {
-    // Degrees that are whole pulses only of a stage whose number of pulses is read from it.
+    // Angles that are whole pulses only if the stage's number of pulses is read from it.
     let odd = PLAN.replace("22.5", "20").replace("67.5", "61");
     for (devices, plan, more) in [
         (["elliptec", "relay"], PLAN, None),
@@ -84,7 +85,7 @@ fn a_session_through_the_drivers_equals_that_of_the_simulated_devices() {
     }
 }
 
-/// The analyser stands where the configuration says that the axis is, and its angle comes back.
+/// Zero and sense of rotation from the configuration are applied in both directions.
 #[test]
 fn zero_and_sense_of_the_mounting_hold() {
     let place = Place::with_bench(PLAN, BENCH);
@@ -96,17 +97,17 @@ fn zero_and_sense_of_the_mounting_hold() {
     emulated.nacre(&["stage", "home"]).expect(0);
     emulated.nacre(&["stage", "move", "22.5"]).expect(0);
     let said = emulated.nacre(&["--json", "stage", "where"]).expect(0).json();
-    // But for how well the simulated axis repeats its angles.
+    // Within the repeatability of the simulated axis.
     assert!((said["analyser_deg"].as_f64().unwrap() - 22.5).abs() < 0.1, "{said}");
     let socket = place.text("socket");
     let axis = nacre(["--json", "stage", "where", "--sim", "--socket", &socket]).expect(0).json();
     assert!((axis["analyser_deg"].as_f64().unwrap() - 67.5).abs() < 0.1, "{axis}");
-    // Beyond the axis' own limits, before anything moves.
+    // Beyond the limits of the axis, rejected before any movement.
     let run = emulated.nacre(&["stage", "move", "120"]).expect(1);
     assert!(run.stderr().contains("-270") && run.stderr().contains("90"), "{}", run.stderr());
 }
 
-/// One command a device, by hand.
+/// One manual command per device.
 #[test]
 fn devices_are_driven_by_hand_through_their_drivers() {
     let place = Place::with_bench(PLAN, BENCH);
@@ -122,7 +123,7 @@ fn devices_are_driven_by_hand_through_their_drivers() {
     assert_eq!(light(&emulated.bench), [false, false]);
 }
 
-/// What stands above the table in `docs/validation/faults.md`.
+/// Text above the table in `docs/validation/faults.md`.
 const HEADER: &str = "\
 # What a session makes of faults
 
@@ -143,13 +144,13 @@ const WIRE: [&str; 9] =
 struct Case {
     device: &'static str,
     fault: &'static str,
-    /// Commands that go well before.
+    /// Number of successful commands before the fault.
     after: u64,
     once: bool,
 }
 
-/// Devices, their faults, and after how many commands each comes: a few from the first to the last, or all of them for the devices that
-/// `NACRE_EVERY_STEP` names (`all`, `relay,bulk`, or `relay:garbage`).
+/// Devices, their faults, and the number of preceding commands: a few from the first to the last. Devices named by
+/// `NACRE_EVERY_STEP` (`all`, `relay,bulk`, or `relay:garbage`) are tested at every command.
 fn cases(whole: &[(String, Vec<u8>)]) -> Vec<Case> {
     let every = std::env::var("NACRE_EVERY_STEP").unwrap_or_default();
     let every = |device: &str, fault: &str| {
@@ -174,7 +175,7 @@ fn cases(whole: &[(String, Vec<u8>)]) -> Vec<Case> {
     cases
 }
 
-/// How many commands of a session a device gets: beyond them a lasting fault is not met.
+/// Number of commands that a device receives in a session; later faults do not occur.
 fn commands(device: &'static str, fault: &'static str, whole: &[(String, Vec<u8>)]) -> u64 {
     let met = |after: u64| session_with(Case { device, fault, after, once: false }, whole).is_some();
     let (mut low, mut high) = (0, 256);
@@ -186,8 +187,9 @@ fn commands(device: &'static str, fault: &'static str, whole: &[(String, Vec<u8>
     high
 }
 
-/// Every device, every fault, at steps from the first command to the last: the session ends well and with the right data, or
-/// with an error that names the device; no light is on; and the repaired bench completes it to the same bytes.
+/// Every device and every fault, at steps from the first command to the last. The session either succeeds with correct
+/// data, or fails with an error that names the device. No light remains on, and the repaired bench completes the
+/// session to identical bytes.
 #[test]
 fn every_fault_at_every_step_is_passed_over_or_named_and_the_session_completed() {
     let place = Place::with_bench(PLAN, BENCH);
@@ -218,16 +220,16 @@ fn every_fault_at_every_step_is_passed_over_or_named_and_the_session_completed()
     let named = outcomes.iter().flatten().count();
     println!("{named} of {} sessions with faults ended with an error", outcomes.len());
     for (case, outcome) in cases.iter().zip(&outcomes) {
-        // Faults that nobody notices would be none; what harms nothing is passed over.
+        // Faults must be noticed, except harmless ones, which are tolerated.
         let harmless = ["resend", "slow"].contains(&case.fault);
         assert!(outcome.is_some() || case.once || harmless, "{} {} is not noticed", case.device, case.fault);
-        // A late stage may have been given up.
+        // A late stage may have exceeded its time limit.
         let stage = ["elliptec", "grbl"].contains(&case.device);
         assert!(outcome.is_none() || stage || !harmless, "{} {}: {outcome:?}", case.device, case.fault);
     }
 }
 
-/// Takes a session; returns what the user was told, if it did not end well.
+/// Captures a session; returns its error message, if it failed.
 fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
     let Case { device, fault, after, once } = case;
     let name = format!("{device} {fault} after {after}{}", if once { " once" } else { "" });
@@ -250,7 +252,7 @@ fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
         let emulated = Emulated::start(&place, devices, &spec);
         let run = emulated.capture("s");
         let [panel, lit] = light(&emulated.bench);
-        // A relay that does not obey any more cannot be switched off by anybody but a person, who is told.
+        // A relay that no longer responds can only be switched off by a person, who is informed.
         let told = ["by hand", "power off"].iter().any(|words| run.stderr().contains(words));
         assert!(!lit || (wire && run.code() != 0 && told), "{name}: light is on\n{}", run.stderr());
         assert!(!panel || device == "display", "{name}: the panel is on\n{}", run.stderr());
@@ -287,7 +289,7 @@ fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
     told
 }
 
-/// Device, fault, and what happens at each step, as a table.
+/// Table of device, fault, and outcome at each step.
 fn table(cases: &[Case], outcomes: &[Option<String>]) -> String {
     let mut text =
         "| device | fault | once, after so many commands | for good, after so many | what the user is told |\n|---|---|---|---|---|\n"
@@ -315,7 +317,7 @@ fn table(cases: &[Case], outcomes: &[Option<String>]) -> String {
     text
 }
 
-/// Numbers, those in a row as "first to last".
+/// Numbers, with consecutive ones as "first to last".
 fn runs(numbers: impl Iterator<Item = u64>) -> String {
     let mut rows: Vec<[u64; 2]> = vec![];
     for n in numbers {
@@ -329,7 +331,7 @@ fn runs(numbers: impl Iterator<Item = u64>) -> String {
     rows.join(", ")
 }
 
-/// A message without where it happened, which is one of many places, and without the test's own folder.
+/// A message without the step, which varies, and without the test's folder.
 fn plain(told: &str) -> String {
     let told = told.split_once(": ").filter(|t| t.0.starts_with("frames/") || t.0 == "metering").map_or(told, |t| t.1);
     let mut parts = told.split("/tmp/.tmp");

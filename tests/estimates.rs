@@ -1,4 +1,4 @@
-//! Estimates of time, memory and disk. How close they are is measured by `tests/estimates`.
+//! Predictions of time, memory and disk space. `tests/estimates` measures their accuracy.
 
 #![allow(clippy::unwrap_used)]
 
@@ -59,7 +59,7 @@ fn maps_height_fields_and_calibrations_are_estimated() {
         assert!(!place.path("out").exists(), "something was written");
         disk
     };
-    // In proportion to the pixels of the result.
+    // Proportional to the pixels of the result.
     assert!((3.9..4.1).contains(&(disk("512,512") / disk("256,256"))));
 
     fs::create_dir(place.path("boards")).unwrap();

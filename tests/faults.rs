@@ -1,4 +1,5 @@
-//! What goes wrong with devices, disk and clock: a named error, no light, and a session that is completed after repair.
+//! Faults of devices, disk and clock: an error that names the cause, no light, and a session that can be completed
+//! after repair.
 
 #![allow(clippy::unwrap_used)]
 
@@ -7,7 +8,7 @@ use std::fs;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Runs the plan on a bench process with these faults; afterwards no light is on.
+/// Runs the plan on a bench process with these faults; no light may be on afterwards.
 fn capture_with(place: &Place, session: &str, faults: &str) -> Run {
     fs::write(place.path("faulty.toml"), format!("{BENCH}faults = [{faults}]")).unwrap();
     let bench = BenchProcess::start(&place.path("socket"), &place.path("faulty.toml"), &[]);
@@ -16,7 +17,7 @@ fn capture_with(place: &Place, session: &str, faults: &str) -> Run {
     run
 }
 
-/// The repaired bench completes the session.
+/// Completes the session on the repaired bench.
 fn repair(place: &Place, session: &str, whole: &[(String, Vec<u8>)]) {
     let bench = BenchProcess::start(&place.path("socket"), &place.path("bench.toml"), &[]);
     nacre(Place::on(place.resume(session), &bench)).expect(0);
@@ -94,7 +95,7 @@ fn an_interlock_that_is_open_at_the_start_or_opens_for_a_moment_stops_everything
     let moment = "{ device = \"interlock\", kind = \"opens\", after = 6, times = 1 }";
     let run = capture_with(&place, "moment", moment).expect(1);
     assert!(run.stderr().contains("interlock"), "{}", run.stderr());
-    // Also nothing is done by hand.
+    // Manual commands are refused, too.
     fs::write(place.path("open.toml"), format!("{BENCH}faults = [{open}]")).unwrap();
     let bench = BenchProcess::start(&place.path("socket"), &place.path("open.toml"), &[]);
     let socket = place.text("socket");
@@ -133,7 +134,7 @@ fn a_full_disk_is_named_and_the_session_completed_when_there_is_space() {
     assert!(data(&place.path("copy")) == data(&place.path("whole")));
 }
 
-/// A capture on a bench that takes its time.
+/// A capture on a bench at real pace.
 struct Running {
     place: Place,
     bench: BenchProcess,
@@ -169,7 +170,7 @@ impl Running {
         assert!(Command::new("kill").args([name, &self.child.id().to_string()]).status().unwrap().success());
     }
 
-    /// Exit code and standard error of the end, which leaves no light.
+    /// Exit code and standard error; no light may remain on.
     fn end(self) -> (Place, BenchProcess, i32, String) {
         let output = self.child.wait_with_output().unwrap();
         assert_eq!(light(&self.bench), [false, false]);
@@ -217,7 +218,7 @@ fn signals_end_a_session_in_order_and_it_can_be_resumed() {
     }
 }
 
-/// Commands that begin in the middle of a session are told who uses the devices, and do not disturb it.
+/// Commands started during a session report the process that uses the devices, and do not disturb it.
 #[test]
 fn devices_in_use_are_locked_with_the_holders_name() {
     let running = Running::start(SLOW);

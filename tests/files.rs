@@ -1,4 +1,4 @@
-//! Photographs and files as other programs write them.
+//! Photographs and files as written by other programs.
 
 #![allow(clippy::unwrap_used)]
 
@@ -7,14 +7,15 @@ use nacre_tests::nacre;
 use serde_json::Value;
 use std::path::Path;
 
-/// Light behind an analyser at `angle` degrees, 0 to 1: linear polarization that turns to the right and grows downwards.
+/// Light behind an analyser at `angle` degrees, 0 to 1: linear polarization whose orientation changes to the right and
+/// whose degree increases downwards.
 fn light(x: u32, y: u32, angle: f64) -> f64 {
     let (aolp, dolp) = (f64::from(x) * 0.05, 0.1 + 0.01 * f64::from(y));
     let bright = 0.5 + 0.2 * (f64::from(x) / 9.0).sin() * (f64::from(y) / 7.0).cos();
     bright * (1.0 + dolp * (2.0 * (angle.to_radians() - aolp)).cos()) / 1.6
 }
 
-/// A series of 16-bit photographs with values up to `white`.
+/// Writes a series of 16-bit photographs with values up to `white`.
 fn series(folder: &Path, angles: &[f64], white: f64, gain: f64) {
     for angle in angles {
         let value = |x, y| (gain * light(x, y, *angle) * white).min(white).round() as u16;
@@ -23,7 +24,7 @@ fn series(folder: &Path, angles: &[f64], white: f64, gain: f64) {
     }
 }
 
-/// Imports a folder into `series` and reconstructs it; both reports.
+/// Imports a folder into `series` and reconstructs it; returns both reports.
 fn measured(folder: &Path, options: &[&str]) -> (Value, Value) {
     let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
     let [photographs, series, result] = ["photos", "series", "result"].map(path);
@@ -62,7 +63,7 @@ fn clipping_below_white_is_found_and_a_given_white_masks_it() {
     assert!(!warned(&measured(dim.path(), &[]).1, "saturated"));
 }
 
-/// A frame of a polarization sensor with this layout, in one or three channels.
+/// Writes a frame of a polarization sensor with this layout, in one or three channels.
 fn sensor(folder: &Path, layout: [f64; 4], colour: bool) {
     let value = |x: u32, y: u32| {
         let angle = layout[(x % 2 + 2 * (y % 2)) as usize];
@@ -110,7 +111,7 @@ fn colour_photographs_have_a_default_and_equal_channels_are_grey() {
         let picture = ImageBuffer::from_fn(16, 16, |x, y| Rgb([7, value(x, y), 9]));
         picture.save(photos.join(format!("{angle}.png"))).unwrap();
     }
-    // Names what it passes over.
+    // Files that the import lists as ignored.
     std::fs::write(photos.join("000.mov"), "film").unwrap();
     std::fs::write(photos.join("notes.txt"), "f/8").unwrap();
     let (imported, _) = measured(folder.path(), &[]);
@@ -136,7 +137,7 @@ fn a_single_raw_frame_of_a_sensor_is_recognised() {
     let folder = tempfile::tempdir().unwrap();
     let photos = photos(&folder);
     sensor(&photos, [90.0, 45.0, 135.0, 0.0], false);
-    // A number in the name is not its angle.
+    // A number in the name that is not an angle.
     std::fs::rename(photos.join("frame.png"), photos.join("frame_250.png")).unwrap();
     let refused = nacre(["import", photos.to_str().unwrap()]).expect(2).stderr();
     assert!(refused.contains("--kind division-of-focal-plane") && refused.contains("--layout"), "{refused}");

@@ -1,4 +1,4 @@
-//! Gratings from flash photographs as a user finds them: of simulated sheets of tiles, and what is refused.
+//! Gratings from flash photographs from a user's point of view: simulated sheets of tiles, and rejected input.
 
 #![allow(clippy::unwrap_used)]
 
@@ -43,14 +43,14 @@ fn a_sheet_of_tiles_tells_its_period_and_its_polygons() {
     let known: Vec<f64> = angle.iter().zip(mask).filter(|(_, m)| **m == 1.0).map(|(a, _)| f64::from(*a)).collect();
     assert!(2 * known.len() > angle.len(), "{} of {}", known.len(), angle.len());
     assert!(angle.iter().zip(mask).all(|(a, m)| a.is_finite() == (*m == 1.0)));
-    // Directions are 7° and every 22.5° from there.
+    // Directions are 7° plus multiples of 22.5°.
     let off = |a: &f64| {
         let steps = (a.to_degrees() - 7.0) / 22.5;
         22.5 * (steps - steps.round()).abs()
     };
     let near = known.iter().filter(|a| off(a) < 1.0).count();
     assert!(100 * near >= 99 * known.len(), "{near} of {}", known.len());
-    // Nothing is overwritten unasked; a bound that is missed is said by the exit code.
+    // Existing files are not overwritten; a missed bound sets the exit code.
     run(&photos, &out, &USUAL).expect(2);
     run(&photos, &out, &[&USUAL[..], &["--force", "--max-error", "0.0001"]].concat()).expect(1);
     let paper = run(&photos, &out, &[&USUAL[..], &["--force", "--orientation", "image"]].concat()).expect(0).json();
@@ -84,7 +84,7 @@ fn what_makes_no_sense_is_refused() {
     refused(&photos, &["--reference-px", "1,1,1,1"], "--reference-px");
     refused(&photos, &["--size-mm", "178x131", "--corners", "0,0,0,0,0,0,0,0", "--camera-mm", "500"], "--corners");
     refused(dir.path().join("missing").to_str().unwrap(), &USUAL, "missing");
-    // A light below the sheet, and photographs that are not there.
+    // A light below the sheet, and missing photographs.
     let frames = dir.path().join("photos/frames.json");
     let text = std::fs::read_to_string(&frames).unwrap();
     std::fs::write(&frames, text.replace("200.0]", "-200.0]")).unwrap();

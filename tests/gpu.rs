@@ -1,4 +1,5 @@
-//! Pictures of graphics cards, native (software Vulkan where there is no card) and in the browser, against the processor's.
+//! Pictures rendered by graphics cards, native (software Vulkan without a card) and in the browser, compared with the
+//! processor's.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -17,13 +18,15 @@ use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// Largest mean CIEDE2000 over what is lit, of all views; that of one may be twice as much, as samples leave noise.
+/// Maximum mean CIEDE2000 over lit pixels, averaged over all views; a single view may reach twice as much, because of
+/// noise.
 const MOST: f64 = 1.0;
 
-/// Relative error of sums over orders and wavelengths: what `nacre render` takes by default.
+/// Relative error of sums over orders and wavelengths: the default of `nacre render`.
 const SUMS: f64 = 0.0025;
 
-/// Views of each material: all where `NACRE_EVERY_VIEW` is set (`tests/run --long`), else the first two, as each takes up to twenty seconds.
+/// Number of views of each material: all if `NACRE_EVERY_VIEW` is set (`tests/run --long`), otherwise the first two,
+/// because each takes up to twenty seconds.
 fn views() -> usize {
     if every_view() { 10 } else { 2 }
 }
@@ -32,14 +35,14 @@ fn every_view() -> bool {
     std::env::var_os("NACRE_EVERY_VIEW").is_some()
 }
 
-/// Views drawn from `NACRE_SEED`; without it the same ones each time, so that a failure is the change's.
+/// Seed of the views: `NACRE_SEED`, or a fixed one, so that failures result from changes of the code.
 fn seed() -> u64 {
     let seed = std::env::var("NACRE_SEED").ok().and_then(|s| s.parse().ok()).unwrap_or(1);
     println!("NACRE_SEED={seed}");
     seed
 }
 
-/// All materials, or the one that `NACRE_MATERIAL` names.
+/// All materials, or the one named by `NACRE_MATERIAL`.
 fn chosen() -> Vec<Material> {
     let Some(only) = std::env::var_os("NACRE_MATERIAL") else { return MATERIALS.to_vec() };
     let chosen: Vec<_> = MATERIALS.into_iter().chain(LONG).filter(|m| *m.name == *only).collect();
@@ -47,7 +50,7 @@ fn chosen() -> Vec<Material> {
     chosen
 }
 
-/// One at a time: both the card and the browser may be software on the same processor.
+/// One picture at a time: both the card and the browser may be software on the same processor.
 static PICTURES: Mutex<()> = Mutex::new(());
 
 /// Linear sRGB, row by row.
@@ -64,55 +67,59 @@ fn rendered(dir: &Path, text: &str, more: &[&str]) -> (Picture, serde_json::Valu
     let [scene, out] = ["a.toml", "a.exr"].map(|name| dir.join(name).to_str().unwrap().to_owned());
     std::fs::write(&scene, text).unwrap();
     let args = ["--json", "render", &scene, "--out", &out, "--force", "--samples"];
-    // Exit 1: the noise is what it is after so many samples.
+    // Exit code 1: the noise after this number of samples exceeds the default bound.
     let report = nacre(args.iter().chain(more)).json();
     (read(Path::new(&out)), report)
 }
 
-/// Pixels along a side, and samples on the card and on the processor: as many as noise takes to stay well below what is asked, or
-/// `NACRE_EFFORT` times as many, which tells noise from error.
+/// Pixels along a side, and samples on the card and on the processor. Noise must stay well below the bound.
+/// `NACRE_EFFORT` multiplies the samples, which separates noise from systematic error.
 fn effort(material: &Material) -> [usize; 3] {
     let times = std::env::var("NACRE_EFFORT").ok().and_then(|s| s.parse().ok()).unwrap_or(1);
     let [side, fewer, more] = match material.name {
-        // What the processor draws by chance from a table has one colour each time.
+        // Random samples of a table have a single colour each.
         "table under a sky" => [8, 256, 16_384],
         // Edges within pixels.
         "table in a cylinder" => [8, 512, 2048],
         "maps" => [8, 128, 512],
-        // A quarter of it left up to 1.4.
+        // A quarter of these samples left a difference of up to 1.4.
         "maps on a cylinder" => [8, 512, 2048],
         "maps on a mesh" => [8, 512, 4096],
-        // The card takes one of the lamp's 16 parts for each sample.
+        // The card samples one of the lamp's 16 parts at a time.
         "sinusoid under a lamp with an area" => [8, 512, 128],
         // Few pixels show its orders, at edges of squares within them.
         "maps on a sphere" => [16, 256, 2048],
-        // What the base shows of it is drawn by chance on both sides; so are a lattice's orders, of which 1024 samples of the processor left 2.16 once.
+        // Both sides sample the base randomly, and also a lattice's orders, for which 1024 samples of the processor
+        // once left a difference of 2.16.
         "maps on a sphere under a sky"
         | "maps on a cylinder under a sky"
         | "base below maps under a sky"
         | "base below maps on a cylinder under a sky" => [8, 256, 512],
         "lattice under a sky" | "lattice on a cylinder under a sky" => [8, 512, 4096],
-        // Drawn by chance on both sides: a quarter of it leaves up to 2.02 on 8 x 8 pixels, this at most 1.08.
+        // Both sides sample randomly: a quarter of these samples left up to 2.02 on 8 x 8 pixels, this number at most
+        // 1.08.
         "height field on a cylinder under a sky" => [6, 8192, 16_384],
-        // As much noise as that of a flat one on the processor, and on the card too.
+        // As noisy as the flat table on the processor, and also on the card.
         "table on a cylinder under a sky" => [6, 8192, 32_768],
-        // The processor draws places of the lamp.
+        // The processor samples positions on the lamp.
         "height field" => [8, 64, 4096],
-        // Drawn by chance from the sky on both sides.
+        // Both sides sample the sky randomly.
         "slits under a sky" | "sinusoid of 3 µm under a sky" => [8, 128, 1024],
         "maps on a mesh under a sky" => [8, 512, 4096],
-        // Lines within pixels: a sixteenth of it left 1.6 and 2.1, as much as the processor with 64 and with 128 samples from itself with 2048.
+        // Lines within pixels: a sixteenth of these samples left 1.6 and 2.1, the same difference as between the
+        // processor with 64 or 128 samples and with 2048.
         "slits of 4 µm" => [8, 1024, 2048],
-        // A quarter of it left up to 1.2 and 1.7.
+        // A quarter of these samples left up to 1.2 and 1.7.
         "rectangular of 8 µm" | "lattice of narrow lobes" => [8, 256, 512],
-        // All of it, with its rims.
+        // The whole disc, including its rims.
         "disc" => [12, 64, 128],
         _ => [8, 64, 128],
     };
     [side, fewer * times, more * times]
 }
 
-/// Runs a test for each material in a process of its own, two at a time, as software compiles shaders on one processor.
+/// Runs a test for each material in a separate process, two at a time, since software compiles shaders on one
+/// processor.
 fn all_in_processes(test: &str) {
     let waiting = Mutex::new(MATERIALS.iter());
     let work = || {
@@ -137,7 +144,7 @@ fn compared(material: &Material, dir: &Path, chance: &mut Chance) {
     let (mut worst, mut sum) = (0.0_f64, 0.0);
     let [side, fewer, more] = effort(material);
     let views = views();
-    // One for all views: drivers take seconds to compile the shaders.
+    // One for all views, because drivers take seconds to compile the shaders.
     let mut card = Kept::default();
     for _ in 0..views {
         let text = scene(*material, side, chance);
@@ -171,10 +178,10 @@ fn a_card_renders_what_the_processor_renders() {
     }
 }
 
-/// Software that may stand in for a card.
+/// Software renderers that may replace a card.
 const SOFTWARE: [&str; 3] = ["llvmpipe", "SwiftShader", "Microsoft Basic Render"];
 
-/// A card draws sums that software refuses, all of them.
+/// Cards render all sums that are too long for software renderers.
 #[test]
 fn long_sums_are_for_cards_that_are_no_software() {
     let Ok(name) = adapter() else {
@@ -208,7 +215,7 @@ fn the_command_renders_on_a_card() {
     }
     let (processor, report) = rendered(dir.path(), &text, &["16"]);
     assert_eq!(report["device"], "processor");
-    // A tenth of the test's samples above leave three times its noise.
+    // A tenth of the samples above leaves three times the noise.
     assert!(difference(&processor, &card).mean < 3.0 * MOST);
 }
 
@@ -223,10 +230,10 @@ fn scenes_that_cards_do_not_do_go_to_the_processor() {
     assert!(report["warnings"].to_string().contains("an aperture"), "{report}");
 }
 
-/// Ways to draw in a browser, with the mean CIEDE2000 of each material that it drew.
+/// Rendering interfaces of a browser, with the mean CIEDE2000 of each rendered material.
 type Ways = [(&'static str, Vec<f64>); 2];
 
-/// Has a browser draw views of a material by the ways that are asked for and do.
+/// Renders views of a material in a browser by the requested and available interfaces.
 fn draw(browser: &Browser, dir: &Path, material: &Material, asked: [bool; 2], chance: &mut Chance, ways: &mut Ways) {
     let [side, fewer, more] = effort(material);
     let mut sums = asked.map(|asked| asked.then_some(0.0));
@@ -262,7 +269,8 @@ fn draw(browser: &Browser, dir: &Path, material: &Material, asked: [bool; 2], ch
     }
 }
 
-/// Draws a view, in bytes as hexadecimal digits, in a browser by a way: its pixels, or why it is not drawn so.
+/// Renders a view, given as hexadecimal digits, in a browser by one interface: its pixels, or the reason why it is
+/// unavailable.
 const DRAW: &str = "return Promise.all([import('/assets/parsed.js'), import('/assets/card.js')]).then(([{ parseView }, { chosen }]) => {
     window.draw = async (way, hex, side, samples) => {
         const bytes = Uint8Array.from({ length: hex.length / 2 }, (_, k) => parseInt(hex.slice(2 * k, 2 * k + 2), 16));
@@ -296,7 +304,7 @@ fn browsers_draw_every_kind_of_sample_by_webgpu_and_webgl2() {
     let mut ways: Ways = [("webgpu", vec![]), ("webgl2", vec![])];
     let chosen = chosen();
     for (k, material) in chosen.iter().enumerate() {
-        // Cards take the shader that WebGPU has, too; WebGL2 has a translation of it.
+        // Native cards also use the WebGPU shader; WebGL2 has a translation of it.
         let asked = [every_view() || k % 3 == 0, true];
         draw(&browser, dir.path(), material, asked, &mut chance, &mut ways);
     }
@@ -308,7 +316,7 @@ fn browsers_draw_every_kind_of_sample_by_webgpu_and_webgl2() {
     assert_eq!(ways[1].1.len(), chosen.len(), "not all was drawn by WebGL2");
 }
 
-/// What `daemon/service/src/view.rs` makes of a result, in a pose.
+/// View of a result in a pose, as produced by `daemon/service/src/view.rs`.
 fn of_result(folder: &Path, normal: [f64; 3], up: [f64; 3], light: [f64; 3]) -> String {
     format!(
         "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 14\nwidth = 32\nheight = 32\n\
@@ -344,7 +352,7 @@ fn the_browser_shows_what_the_processor_renders() {
     browser.run(&format!("{view}.change({{ quality: 0.03 }}, false)"));
     browser.until(&format!("{view}.painter.count >= {view}.enough()"));
     browser.both("view");
-    // The page's own frames wait, as they are of another size.
+    // The page's own frames, which have another size, are suspended.
     browser.run("window.frames_of = requestAnimationFrame; window.requestAnimationFrame = (f) => { window.kept = f; return 1; }");
     let (mut worst, mut sum) = (0.0_f64, 0.0);
     for _ in 0..views() {
@@ -353,7 +361,7 @@ fn the_browser_shows_what_the_processor_renders() {
         browser.run(&format!(
             "{view}.change({{ pan: {pan}, tilt: {tilt}, azimuth: {azimuth}, elevation: {elevation}, quality: 0.0025 }}, false)"
         ));
-        // A few at a time, and read: what takes long in one call is broken off.
+        // A few samples per call, and the result is read, because long calls are interrupted.
         let add = format!(
             "const p = {view}.painter; for (let k = 0; k < 32; k++) p.add(32, 32, 1); return p.pixels().then((v) => Array.from(v));"
         );
@@ -373,7 +381,7 @@ fn the_browser_shows_what_the_processor_renders() {
     browser.run("window.requestAnimationFrame = window.frames_of; window.kept(0)");
     println!("browser: mean ΔE2000 {sum:.3}, worst view {worst:.3}");
     assert!(sum <= MOST, "{sum}");
-    // A link restores the view, and the maps can be seen in its place.
+    // A link restores the view, and the maps can be shown instead.
     browser.run(&format!("{view}.change({{ pan: 12, tilt: -20, azimuth: 200, quality: 0.03 }})"));
     browser.until("location.hash.includes('azimuth=200')");
     let link = browser.run("return location.href").as_str().unwrap().to_owned();

@@ -1,4 +1,4 @@
-//! The guardian of the flash is killed or hangs: the light goes off, and whoever uses the flash goes on.
+//! Killed and hung guardians of the flash: the light goes off, and the owner continues.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -9,10 +9,10 @@ use std::fs;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Waiting longer is in vain, on the slowest machine.
+/// Time limit of any wait, on the slowest machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// How a guardian is lost: it hangs, or it is killed.
+/// Kinds of loss: the guardian hangs, or is killed.
 const LOSSES: [&str; 2] = ["-STOP", "-KILL"];
 
 fn until(what: &str, done: impl Fn() -> bool) {
@@ -23,7 +23,7 @@ fn until(what: &str, done: impl Fn() -> bool) {
     }
 }
 
-/// A bench whose flash may be on for longer than any test takes, so that no time limit switches it off.
+/// A bench whose maximum on-time exceeds any test, so that no time limit switches the flash off.
 fn bench(place: &Place) -> BenchProcess {
     fs::write(place.path("bench.toml"), format!("{BENCH}flash = {{ max_on_s = 3600 }}\n")).unwrap();
     BenchProcess::start(&place.path("socket"), &place.path("bench.toml"), &["--real-time"])
@@ -39,7 +39,7 @@ fn signal(pid: u32, name: &str) -> bool {
     Command::new("kill").args([name, &pid.to_string()]).stderr(Stdio::null()).status().unwrap().success()
 }
 
-/// A line of `/proc/PID/status`, without its key.
+/// Value of a line of `/proc/PID/status`.
 fn status(pid: u32, key: &str) -> Option<String> {
     let text = fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
     text.lines().find_map(|line| line.strip_prefix(key)).map(|value| value.trim().to_owned())
@@ -49,7 +49,7 @@ fn has_ended(pid: u32) -> bool {
     status(pid, "State:").is_none_or(|state| state.starts_with('Z'))
 }
 
-/// The guardian of a process.
+/// Guardian of a process.
 fn guardian(owner: u32) -> u32 {
     let is_it = |pid: &u32| {
         let line = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
@@ -62,7 +62,7 @@ fn guardian(owner: u32) -> u32 {
     found[0]
 }
 
-/// A guardian that hangs goes on when this is dropped, so that a test that fails ends.
+/// A hung guardian, which continues when this is dropped, so that a failed test ends.
 struct Lost(u32);
 
 impl Lost {
@@ -103,7 +103,7 @@ fn the_flash_of_the_service_goes_off_and_the_service_goes_on() {
         println!("{loss}: off after {:.0} ms", 1000.0 * begun.elapsed().as_secs_f64());
         assert!(has_ended(lost.0), "{loss}: the guardian that was lost still has the device");
         service.until("/api/v1/devices", |d| d["flash"]["on"] == false);
-        // In the dark: the next guardian does what is asked for.
+        // In the dark, the next guardian handles the request.
         let _lost = Lost::guardian_of(service.pid(), loss);
         switch(true);
         let _lost = Lost::guardian_of(service.pid(), loss);
@@ -137,8 +137,8 @@ fn sigterm_ends_a_service_whose_guardian_is_lost() {
     }
 }
 
-/// A guardian is lost while a frame is exposed under the flash: the light goes off before the exposure ends, and the frame is
-/// taken again.
+/// A guardian is lost during an exposure under the flash: the light goes off before the exposure ends, and the frame is
+/// captured again.
 fn during_an_exposure(loss: &str) {
     const EXPOSURE: Duration = Duration::from_secs(8);
     let step = format!("{{ flash = true, exposure_ms = {} }}", EXPOSURE.as_millis());

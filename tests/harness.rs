@@ -1,4 +1,4 @@
-//! Harness of the end-to-end tests: they run the program as a user does.
+//! Harness of the end-to-end tests, which run the program as a user does.
 
 #![allow(clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
@@ -13,13 +13,14 @@ use std::process::{Child, Command, Output};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// What has not happened by then never will, however busy the machine is.
+/// Time limit of any wait, on any busy machine.
 pub const NEVER: Duration = Duration::from_secs(60);
 
 /// A small bench.
 pub const BENCH: &str = "camera = { width = 64, height = 48 }\n";
 
-/// A plan in which all devices take part, flash and panel in turn; the angles are whole pulses of an ELL14, forwards and backwards.
+/// A plan that uses all devices, flash and panel alternately; its angles are whole pulses of an ELL14, ascending and
+/// descending.
 pub const PLAN: &str = r#"
     kind = "free"
     steps = [
@@ -31,10 +32,10 @@ pub const PLAN: &str = r#"
     ]
 "#;
 
-/// The binary under test: `NACRE_BIN` (as `tests/run` sets it), or the one beside this test's build.
+/// The binary under test: `NACRE_BIN` (as set by `tests/run`), or the one beside this test's build.
 ///
 /// # Panics
-/// When there is none.
+/// If there is none.
 pub fn binary() -> PathBuf {
     if let Some(path) = std::env::var_os("NACRE_BIN") {
         return path.into();
@@ -49,7 +50,7 @@ pub fn binary() -> PathBuf {
 /// Runs `nacre` with these arguments.
 ///
 /// # Panics
-/// When it cannot be started.
+/// If it cannot be started.
 pub fn nacre<S: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = S>) -> Run {
     let (mut command, mark) = command();
     let run = Run(command.args(args).output().expect("nacre starts"));
@@ -57,8 +58,8 @@ pub fn nacre<S: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = S>) -> Ru
     run
 }
 
-/// The program, to be given arguments: with a catalogue and a cache of its own, told to check itself for what it leaves behind, and
-/// with a mark in its environment by which [`assert_gone`] finds it and its children.
+/// The program, without arguments: with separate catalogue and cache, with its leak check enabled, and with a mark in
+/// its environment. [`assert_gone`] finds it and its children by this mark.
 pub fn command() -> (Command, String) {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let mark = format!("NACRE_MARK={}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
@@ -69,10 +70,10 @@ pub fn command() -> (Command, String) {
     (command, mark)
 }
 
-/// Checks that no process with this mark is left, or only for the moment that it takes to end.
+/// Asserts that no process with this mark remains, allowing for the time that it takes to end.
 ///
 /// # Panics
-/// When one is.
+/// If one remains.
 pub fn assert_gone(mark: &str) {
     let begun = Instant::now();
     loop {
@@ -99,19 +100,19 @@ fn marked(mark: &str) -> Vec<String> {
         .collect()
 }
 
-/// A simulated bench in a process of its own, ended when dropped.
+/// A simulated bench in a separate process, ended when dropped.
 pub struct BenchProcess {
     child: Child,
-    /// Its socket.
+    /// Path of its socket.
     pub socket: PathBuf,
     mark: String,
 }
 
 impl BenchProcess {
-    /// Starts one at a socket with this bench.toml, and waits until it listens.
+    /// Starts a bench on a socket with this bench.toml, and waits until it listens.
     ///
     /// # Panics
-    /// When it does not.
+    /// If it does not listen.
     pub fn start(socket: &Path, bench: &Path, more: &[&str]) -> Self {
         let (mut command, mark) = command();
         command.args(["sim", "bench", "--socket"]).arg(socket).arg("--bench").arg(bench).args(more);
@@ -158,23 +159,23 @@ impl Run {
     /// Standard output as JSON.
     ///
     /// # Panics
-    /// When it is something else.
+    /// If it is not JSON.
     pub fn json(&self) -> serde_json::Value {
         serde_json::from_str(&self.stdout())
             .unwrap_or_else(|e| panic!("{e}\nstdout: {}\nstderr: {}", self.stdout(), self.stderr()))
     }
 
-    /// Checks the exit code, showing the output when it is another.
+    /// Asserts the exit code, and shows the output if it differs.
     ///
     /// # Panics
-    /// When the code is another.
+    /// If the code differs.
     pub fn expect(self, code: i32) -> Self {
         assert_eq!(self.code(), code, "stdout: {}\nstderr: {}", self.stdout(), self.stderr());
         self
     }
 }
 
-/// Real photographs: `NACRE_TEST_DATA`, or `shared/data` beside the project. None means that the test is to say so
+/// Real photographs: `NACRE_TEST_DATA`, or `shared/data` beside the project. With `None`, the test should print a note
 /// and end.
 pub fn test_data() -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
@@ -186,10 +187,10 @@ pub fn test_data() -> Option<PathBuf> {
     None
 }
 
-/// Names of everything in a folder, hidden files included.
+/// Names of all files in a folder, including hidden ones.
 ///
 /// # Panics
-/// When it cannot be read.
+/// If it cannot be read.
 pub fn listing(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("folder is there").flatten();
     let mut names: Vec<String> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
@@ -217,29 +218,29 @@ impl Place {
         place
     }
 
-    /// A path inside.
+    /// A path inside the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// A path inside, as text.
+    /// A path inside the folder, as text.
     pub fn text(&self, name: &str) -> String {
         self.path(name).to_string_lossy().into_owned()
     }
 
-    /// Arguments of a new capture into `session`.
+    /// Arguments for a new capture into `session`.
     pub fn capture(&self, session: &str) -> Vec<String> {
         let fixed =
             ["--json", "capture", &self.text("plan.toml"), "--sim", "--bench", &self.text("bench.toml"), "--out"];
         fixed.iter().map(|s| (*s).to_owned()).chain([self.text(session)]).collect()
     }
 
-    /// Arguments that go on with `session`.
+    /// Arguments to resume `session`.
     pub fn resume(&self, session: &str) -> Vec<String> {
         ["capture", "--sim", "--resume"].iter().map(|s| (*s).to_owned()).chain([self.text(session)]).collect()
     }
 
-    /// The same, on a bench process.
+    /// The arguments, on a bench process.
     pub fn on(args: Vec<String>, bench: &BenchProcess) -> Vec<String> {
         let socket = bench.socket.to_string_lossy().into_owned();
         let mut kept = vec![];
@@ -256,10 +257,10 @@ impl Place {
     }
 }
 
-/// All files of a session but journal and description, by name.
+/// All files of a session except journal and description, by name.
 ///
 /// # Panics
-/// When one is missing.
+/// If one is missing.
 pub fn data(session: &Path) -> Vec<(String, Vec<u8>)> {
     let folder = std::fs::read_dir(session.join("frames")).expect("frames are there");
     let mut files: Vec<_> = folder.flatten().map(|e| e.path()).collect();
@@ -272,10 +273,10 @@ pub fn data(session: &Path) -> Vec<(String, Vec<u8>)> {
     files.into_iter().map(read).collect()
 }
 
-/// Whether panel and flash of a bench process shine.
+/// True for each of panel and flash of a bench process that is lit.
 ///
 /// # Panics
-/// When it does not answer.
+/// If it does not answer.
 pub fn light(bench: &BenchProcess) -> [bool; 2] {
     match ask(bench, &Request::Light) {
         Reply::Light { panel, flash } => [panel, flash],
@@ -283,10 +284,10 @@ pub fn light(bench: &BenchProcess) -> [bool; 2] {
     }
 }
 
-/// Where the analyser of a bench process truly stands, whatever its stage says.
+/// True angle of a bench process's analyser, independent of its stage's report.
 ///
 /// # Panics
-/// When it does not answer.
+/// If it does not answer.
 pub fn analyser_deg(bench: &BenchProcess) -> f64 {
     match ask(bench, &Request::Position) {
         Reply::Angle(degrees) => degrees,
@@ -294,7 +295,7 @@ pub fn analyser_deg(bench: &BenchProcess) -> f64 {
     }
 }
 
-/// What a bench process says to a bystander.
+/// Reply of a bench process to an observer.
 fn ask(bench: &BenchProcess, request: &Request) -> Reply {
     let mut port = RemoteBench::connect(&bench.socket).expect("the bench listens");
     port.call(request).expect("the bench answers")

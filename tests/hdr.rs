@@ -1,4 +1,4 @@
-//! Exposures of one view as a user merges them: photographs from elsewhere, a simulated session, over REST.
+//! Merging of exposures from a user's point of view: existing photographs, a simulated session, and REST.
 
 #![allow(clippy::unwrap_used)]
 
@@ -11,7 +11,7 @@ use std::path::Path;
 /// A compact disc.
 const BENCH: &str = "camera = { width = 96, height = 64 }\nsample = { kind = \"cd\" }\nflash = { power = 300 }";
 
-/// Under the flash, exposures metered by the plan itself.
+/// Under the flash, with exposures metered by the plan.
 const PLAN: &str = r#"
 kind = "flash"
 bracket = { step_ev = 2, at_most = 4 }
@@ -45,11 +45,11 @@ fn a_bracket_is_merged_and_nothing_is_overwritten_unasked() {
     let report = nacre(args(&[])).expect(0).json();
     assert_eq!((report["method"].as_str(), report["channels"][0].as_str()), (Some("hdr"), Some("Y")));
     let merged = read_exr(&out.join("hdr.exr")).unwrap();
-    // Brightest and darkest of what is well exposed somewhere.
+    // Brightest and darkest positions that are well exposed in at least one photograph.
     for x in [10, 100, 200, 250] {
         let truth = 0.2 * 1000_f64.powf(x as f64 / 255.0);
         let found = f64::from(merged.channels["Y"][256 * 20 + x]);
-        // Half a code where the best exposure is at a tenth of white: 2.2 · 0.5 / 90 and a little.
+        // Half a code where the best exposure is at a tenth of white: 2.2 · 0.5 / 90 plus a margin.
         assert!((found / truth - 1.0).abs() < 0.014, "{x}: {found} {truth}");
     }
     for name in ["variance.exr", "flags.exr", "hdr.png", "report.json"] {
@@ -76,7 +76,7 @@ fn what_cannot_be_merged_is_refused_by_name() {
         assert!(text.contains(said), "{said}: {text}");
         assert!(!out.exists());
     };
-    // Photographs without Exif, and none at all.
+    // Photographs without Exif data, and an empty folder.
     let bare = dir.path().join("bare");
     std::fs::create_dir(&bare).unwrap();
     refused(&bare, &[], "photograph");
@@ -93,7 +93,7 @@ fn what_cannot_be_merged_is_refused_by_name() {
     };
     changed(&|set| set["frames"][1]["analyser_deg"] = json!(45));
     refused(&photos, &[], "several views");
-    // One exposure tells nothing of a response.
+    // A single exposure does not determine a response.
     changed(&|set| {
         set["frames"].as_array_mut().unwrap().truncate(1);
         set["transfer"] = json!("recover");
@@ -124,7 +124,7 @@ fn a_session_works_its_bracket_out_and_merges_it() {
         .collect();
     assert!(exposures.len() > 1, "{exposures:?}");
     assert!(exposures.windows(2).all(|w| (w[1] / w[0] - 4.0).abs() < 1e-6), "{exposures:?}");
-    // The exposures agree, as far as the bench's noise says.
+    // The exposures agree within the bench's noise.
     let chi2 = taken["report"]["chi2"].as_f64().unwrap();
     assert!((0.8..1.25).contains(&chi2), "{chi2}");
     let share =

@@ -1,4 +1,4 @@
-//! A service process, and plain HTTP to it: every byte of a request is the test's.
+//! A service process, and plain HTTP requests to it, composed byte by byte.
 
 use crate::{NEVER, Place, assert_gone, command};
 use serde_json::{Value, json};
@@ -8,25 +8,25 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// `nacre serve` in a process of its own, ended in order when dropped.
+/// `nacre serve` in a separate process, stopped in order when dropped.
 pub struct Service {
     child: Child,
-    /// Where it listens.
+    /// Listening address.
     pub address: SocketAddr,
     mark: String,
 }
 
-/// A service whose data folder is a disk of its own, which nobody else sees.
+/// A service whose data folder is a private disk.
 pub struct SmallDisk {
-    /// The service.
+    /// Service.
     pub service: Service,
-    /// The data folder, as seen from here.
+    /// Data folder, as seen from this process.
     pub data: PathBuf,
 }
 
 #[allow(clippy::unwrap_used, clippy::missing_panics_doc)]
 impl SmallDisk {
-    /// A disk of `size`, prepared by a shell script in the data folder. `None` where no private disk can be mounted.
+    /// A disk of `size`, prepared by a shell script in the data folder. `None` if no private disk can be mounted.
     pub fn new(place: &Place, size: &str, prepare: &str) -> Option<Self> {
         let flag = private_mount()?;
         std::fs::create_dir_all(place.path("data")).unwrap();
@@ -38,8 +38,8 @@ impl SmallDisk {
     }
 }
 
-/// The flag with which `unshare` gives a process mounts of its own: as root, or as anybody where the system lets users have name spaces.
-/// `None`, with a note, where it does not.
+/// Flag of `unshare` that gives a process private mounts: as root, or as any user if the system permits user
+/// namespaces. Otherwise `None`, with a note.
 pub fn private_mount() -> Option<&'static str> {
     let works = |flag: &&str| {
         let mut tried = Command::new("unshare");
@@ -53,24 +53,24 @@ pub fn private_mount() -> Option<&'static str> {
     found
 }
 
-/// Writes into a data folder until nothing fits any more.
+/// Fills the disk of a data folder.
 ///
 /// # Panics
-/// When the file cannot be made.
+/// If the file cannot be created.
 pub fn fill(data: &Path) {
     let mut file = std::fs::File::create(data.join("fill")).expect("a file without contents");
     while file.write_all(&[7; 4096]).is_ok() {}
 }
 
-/// Frees what [`fill`] took.
+/// Frees the space taken by [`fill`].
 ///
 /// # Panics
-/// When there is nothing to free.
+/// If there is nothing to free.
 pub fn free(data: &Path) {
     std::fs::remove_file(data.join("fill")).expect("the disk was filled");
 }
 
-/// An answer.
+/// Response of the service.
 pub struct Answer {
     /// Status.
     pub status: u16,
@@ -87,18 +87,19 @@ impl Service {
         Self::serve(place, &[&["--sim", "--bench", &place.text("bench.toml")], more].concat())
     }
 
-    /// With the devices of a configuration, or whatever else the arguments say.
+    /// With the devices of a configuration, or other arguments.
     pub fn serve(place: &Place, args: &[&str]) -> Self {
         let (command, mark) = command();
         Self::run(command, mark, place, args)
     }
 
-    /// On a small simulated bench, with so many open files at most.
+    /// On a small simulated bench, with this limit of open files.
     pub fn with_open_files(place: &Place, most: usize, more: &[&str]) -> Self {
         Self::within(place, &["sh", "-c", &format!("ulimit -n {most}; exec \"$0\" \"$@\"")], more)
     }
 
-    /// On a small simulated bench, started by a command that runs the program and its arguments, which follow, in its own place.
+    /// On a small simulated bench, started by a command that replaces itself by the program and the arguments that
+    /// follow.
     pub fn within(place: &Place, starter: &[&str], more: &[&str]) -> Self {
         let (program, mark) = command();
         let mut command = Command::new(starter[0]);
@@ -127,7 +128,7 @@ impl Service {
         Self { child, address, mark }
     }
 
-    /// Waits until it says that its disk is full, or that it is not.
+    /// Waits until the service reports that its disk is full, or no longer full.
     pub fn until_full(&self, full: bool) {
         self.until("/api/v1/about", |about| about["problems"].to_string().contains("full") == full);
     }
@@ -137,20 +138,20 @@ impl Service {
         self.child.id()
     }
 
-    /// Kills it as nothing else can.
+    /// Kills it (SIGKILL).
     pub fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
         assert_gone(&self.mark);
     }
 
-    /// Sends it a signal.
+    /// Sends a signal.
     pub fn signal(&self, name: &str) {
         let sent = Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status();
         assert!(sent.unwrap().success());
     }
 
-    /// Its exit code, once it has ended by itself.
+    /// Exit code, once it has ended by itself.
     pub fn ended(&mut self) -> Option<i32> {
         let begun = Instant::now();
         while begun.elapsed() < Duration::from_secs(120) {
@@ -163,14 +164,14 @@ impl Service {
         panic!("the service does not end");
     }
 
-    /// A connection on which these bytes were sent.
+    /// A connection on which these bytes have been sent.
     pub fn connect(&self, bytes: &[u8]) -> TcpStream {
         let mut stream = TcpStream::connect(self.address).unwrap();
         stream.write_all(bytes).unwrap();
         stream
     }
 
-    /// Sends bytes; reads until the other end closes, or for as long as `patience`.
+    /// Sends bytes; reads until the server closes the connection, at most for `patience`.
     pub fn raw(&self, bytes: &[u8], patience: Duration) -> Vec<u8> {
         raw(self.address, bytes, patience)
     }
@@ -180,7 +181,7 @@ impl Service {
         self.send("POST", "/api/v1/uploads", &["Content-Type: multipart/form-data; boundary=edge"], &form(parts))
     }
 
-    /// A request with these header lines.
+    /// Sends a request with these header lines.
     pub fn send(&self, method: &str, path: &str, headers: &[&str], body: &[u8]) -> Answer {
         let host = if headers.iter().any(|h| h.to_lowercase().starts_with("host:")) {
             String::new()
@@ -203,7 +204,7 @@ impl Service {
         self.send("POST", path, &["Content-Type: application/json"], body.to_string().as_bytes())
     }
 
-    /// Waits until a document at a path is as wanted; returns it.
+    /// Waits until a document at a path satisfies `wanted`; returns it.
     pub fn until(&self, path: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         let begun = Instant::now();
         loop {
@@ -245,7 +246,7 @@ impl Answer {
         serde_json::from_slice(&self.body).unwrap_or_else(|e| panic!("{e}: {} {}", self.head, self.text()))
     }
 
-    /// Checks the status, showing the answer when it is another.
+    /// Asserts the status, and shows the response if it differs.
     pub fn expect(self, status: u16) -> Self {
         assert_eq!(self.status, status, "{}\n{}", self.head, self.text());
         self
@@ -257,11 +258,11 @@ impl Answer {
     }
 }
 
-/// Sends bytes; reads until the other end closes, or for as long as `patience`.
+/// Sends bytes; reads until the server closes the connection, at most for `patience`.
 fn raw(address: SocketAddr, bytes: &[u8], patience: Duration) -> Vec<u8> {
     let mut stream = TcpStream::connect(address).expect("the other end listens");
     stream.set_read_timeout(Some(Duration::from_millis(50))).expect("a timeout can be set");
-    // A service that refuses a large body may close before it has it all.
+    // A service that rejects a large body may close the connection early.
     let _ = stream.write_all(bytes);
     let (begun, mut answer, mut buffer) = (Instant::now(), vec![], [0; 65536]);
     while begun.elapsed() < patience {
@@ -278,7 +279,7 @@ fn raw(address: SocketAddr, bytes: &[u8], patience: Duration) -> Vec<u8> {
     answer
 }
 
-/// Whether an answer has all the bytes that its head promises.
+/// True if a response is complete according to its header.
 fn complete(answer: &[u8]) -> bool {
     let Some(at) = answer.windows(4).position(|w| w == b"\r\n\r\n") else { return false };
     let head = String::from_utf8_lossy(&answer[..at]).to_lowercase();
@@ -301,7 +302,7 @@ pub fn form(parts: &[(&str, &str, &[u8])]) -> Vec<u8> {
 /// One request to any server.
 ///
 /// # Panics
-/// When nobody listens.
+/// If no server listens.
 pub fn exchange(address: SocketAddr, request: &[u8], patience: Duration) -> Answer {
     Answer::parse(&raw(address, request, patience))
 }
@@ -336,7 +337,7 @@ impl Drop for Service {
     }
 }
 
-/// A plan of so many angles.
+/// A plan with this number of angles.
 pub fn plan(angles: usize, exposure_ms: f64) -> Value {
     let angles: Vec<f64> = (0..angles).map(|k| 180.0 * k as f64 / angles as f64).collect();
     json!({ "plan": {
@@ -345,10 +346,10 @@ pub fn plan(angles: usize, exposure_ms: f64) -> Value {
     } })
 }
 
-/// Begins a session; its number.
+/// Starts a session; returns its id.
 ///
 /// # Panics
-/// When the service refuses.
+/// If the service refuses.
 pub fn begin(service: &Service, plan: &Value) -> String {
     let answer = service.post("/api/v1/sessions", plan).expect(202);
     let id = answer.json()["id"].as_str().expect("a number").to_owned();
@@ -356,7 +357,7 @@ pub fn begin(service: &Service, plan: &Value) -> String {
     id
 }
 
-/// The session, once it has its map.
+/// The session, once its map is finished.
 pub fn finished(service: &Service, id: &str) -> Value {
     service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "finished" && s["has_results"] == true)
 }

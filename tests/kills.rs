@@ -1,4 +1,4 @@
-//! Killed at any step and at any instant, a session goes on to the same bytes, and its light is off.
+//! A session killed at any step and at any time can be resumed to identical bytes, and its light is off.
 
 #![allow(clippy::unwrap_used)]
 
@@ -7,7 +7,7 @@ use std::fs;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-/// Every kind of light, a burst, and a change of exposure.
+/// All kinds of light, a burst, and a change of exposure.
 const PLAN: &str = r#"
     kind = "free"
     extras = ["dark"]
@@ -20,7 +20,7 @@ const PLAN: &str = r#"
     ]
 "#;
 
-/// A killed capture: how long until all light was off, and whether any was on at first.
+/// A killed capture: time until all light was off, and true if any was on at first.
 fn watch_light(bench: &BenchProcess, child: &mut Child, mark: &str) -> (Duration, bool) {
     let begun = Instant::now();
     let lit = light(bench) != [false, false];
@@ -34,7 +34,7 @@ fn watch_light(bench: &BenchProcess, child: &mut Child, mark: &str) -> (Duration
     (off, lit)
 }
 
-/// Goes on with a killed session, or begins it if it was killed before there was one; the data is then as `whole`.
+/// Resumes a killed session, or starts it if it was killed too early; its data must then equal `whole`.
 fn complete(place: &Place, name: &str, bench: &BenchProcess, whole: &[(String, Vec<u8>)]) {
     if place.path(name).join("session.json").exists() {
         let check = nacre(["check", &place.text(name)]);
@@ -77,15 +77,15 @@ fn entries(place: &Place, name: &str) -> Vec<String> {
     text.lines().map(str::to_owned).collect()
 }
 
-/// Waits until the journal has this many entries, or the process has ended.
+/// Waits until the journal has this number of entries, or the process has ended.
 fn until_entry(place: &Place, name: &str, count: usize, child: &mut Child) {
     while entries(place, name).len() < count && child.try_wait().unwrap().is_none() {
         std::thread::sleep(Duration::from_micros(200));
     }
 }
 
-/// Killed after each entry of the journal in turn, again and a little later each time, until enough kills have hit a session in progress. The
-/// bench has a process of its own.
+/// Killed after each entry of the journal in turn, repeatedly and a little later each time, until enough kills have hit
+/// a session in progress. The bench is a separate process.
 #[test]
 fn a_kill_at_any_instant_is_made_good() {
     const HITS: usize = 100;
@@ -100,7 +100,7 @@ fn a_kill_at_any_instant_is_made_good() {
         let (mut command, mark) = command();
         command.args(Place::on(place.capture("s"), &bench)).stdout(Stdio::null()).stderr(Stdio::null());
         let mut child = command.spawn().unwrap();
-        // Before the first entry there is no session yet, after the last one it is over.
+        // Before the first entry there is no session yet; after the last one it is complete.
         until_entry(&place, "s", kills % (all + 1), &mut child);
         std::thread::sleep(LATER * (kills / (all + 1)) as u32);
         child.kill().unwrap();
@@ -117,7 +117,7 @@ fn a_kill_at_any_instant_is_made_good() {
     );
 }
 
-/// On a bench that takes its time, killed while the flash is on.
+/// On a bench at real pace, killed while the flash is on.
 #[test]
 fn a_kill_under_the_flash_leaves_no_light() {
     const HITS: u32 = 5;
@@ -131,7 +131,7 @@ fn a_kill_under_the_flash_leaves_no_light() {
         let session = format!("s{tries}");
         command.args(Place::on(place.capture(&session), &bench)).stdout(Stdio::null()).stderr(Stdio::null());
         let mut child = command.spawn().unwrap();
-        // A busy machine may miss the flash; then the session has ended, and the next one is tried.
+        // A busy machine may miss the flash; the session has then ended, and another one is tried.
         while light(&bench) != [true, true] && child.try_wait().unwrap().is_none() {
             std::thread::sleep(Duration::from_millis(1));
         }

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// A series of `count` frames of `width` × `height`; four TIFF files are written, the rest are links to them.
+/// A series of `count` frames of `width` × `height`; four TIFF files are written, the others are links to them.
 fn series(folder: &Path, count: usize, width: usize, height: usize) {
     fs::create_dir_all(folder).unwrap();
     let file = |k: usize| format!("{:06.2}.tif", 180.0 * k as f64 / count as f64);
@@ -26,7 +26,7 @@ fn series(folder: &Path, count: usize, width: usize, height: usize) {
     nacre(["import", folder.to_str().unwrap()]).expect(0);
 }
 
-/// An uncompressed little-endian TIFF of one strip, by hand: 8 tags.
+/// An uncompressed little-endian TIFF with one strip and 8 tags.
 fn write_tiff(path: &Path, image: &image::GrayImage) {
     let tags: [(u16, u32); 9] = [
         (256, image.width()),
@@ -58,7 +58,7 @@ fn start(series: &Path, out: &Path) -> Child {
     Command::new(binary()).args(args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// Highest resident memory of a run in KiB, by watching the kernel's own high-water mark until it ends.
+/// Peak resident memory of a run in KiB, from the kernel's high-water mark, polled until it ends.
 pub fn peak_memory(series: &Path, out: &Path) -> u64 {
     let mut child = start(series, out);
     let status = format!("/proc/{}/status", child.id());
@@ -87,8 +87,8 @@ fn memory_does_not_grow_with_the_number_of_frames() {
     let (few, many) = (peak(4), peak(64));
     println!("peak memory: 4 frames {few} KiB, 64 frames {many} KiB of 12.6 Mpixel");
     assert!((many as f64 / few as f64 - 1.0).abs() < 0.1, "{few} {many}");
-    // 6 floats a pixel, two frames of 1 byte, the mask and the largest picture: 24 + 2 + 1 + 4 bytes a pixel, and 64 MiB
-    // for the program itself.
+    // 6 floats per pixel, two frames of 1 byte, the mask and the largest picture: 24 + 2 + 1 + 4 bytes per pixel, plus
+    // 64 MiB for the program itself.
     let allowed = 4096 * 3072 * 31 / 1024 + 64 * 1024;
     assert!(many < allowed, "{many} KiB, allowed {allowed}");
 }
@@ -99,7 +99,7 @@ fn an_interrupt_leaves_nothing_behind() {
     let (input, out) = (folder.path().join("in"), folder.path().join("out"));
     series(&input, 64, 2048, 2048);
     let child = start(&input, &out);
-    // The temporary folder shows that the run is under way.
+    // The temporary folder shows that the run has started.
     let begun = Instant::now();
     while listing(folder.path()).len() < 2 && begun.elapsed() < NEVER {
         std::thread::sleep(Duration::from_millis(1));
@@ -110,7 +110,7 @@ fn an_interrupt_leaves_nothing_behind() {
     assert_eq!(listing(folder.path()), ["in"]);
 }
 
-/// Runs a shell script with `$NACRE`, `$IN` and `$OUT` set; exit code and standard error.
+/// Runs a shell script with `$NACRE`, `$IN` and `$OUT` set; returns exit code and standard error.
 fn shell(script: &str, input: &Path, out: &Path) -> (i32, String) {
     let run = Command::new("sh")
         .args(["-c", script])
@@ -153,7 +153,7 @@ fn a_full_disk_is_an_error_that_leaves_nothing() {
     assert!(lines.len() == 1 && lines[0].contains("free some space"), "{message}");
 }
 
-/// Address space of the programs that photographs are too large for: 2 GiB.
+/// Address space in which the photographs do not fit: 2 GiB.
 const ADDRESS_SPACE_KIB: u64 = 2 << 20;
 
 /// A description of four files: photographs at four angles, or in four exposures.
@@ -165,7 +165,7 @@ fn description(kind: &str) -> String {
     json!({ "kind": kind, "transfer": "linear", "frames": frames }).to_string()
 }
 
-/// 64 Mpixel of black, the largest photograph that is read, in 64 KiB.
+/// 64 Mpixel of black, the largest supported photograph, in 64 KiB.
 fn black() -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(vec![]);
     image::GrayImage::new(8192, 8192).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
@@ -191,7 +191,7 @@ fn photographs_that_do_not_fit_into_memory_are_refused_by_their_headers() {
     }
 }
 
-/// `ulimit -d` counts private writable memory, so nearly all of it is left to a program that has hardly begun.
+/// `ulimit -d` counts private writable memory, nearly all of which is available to a program that has just started.
 #[test]
 fn a_limit_of_data_leaves_nearly_all_of_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -207,11 +207,11 @@ fn a_limit_of_data_leaves_nearly_all_of_it() {
     assert_eq!(code, 2, "{message}");
     let allowed = message.split(" GiB are allowed").next().and_then(|before| before.rsplit(' ').next());
     let allowed: f64 = allowed.and_then(|number| number.parse().ok()).unwrap_or_default();
-    // Three quarters of 1 GiB without the stacks of the threads.
+    // Three quarters of 1 GiB, minus thread stacks.
     assert!((0.65..0.75).contains(&allowed), "{message}");
 }
 
-/// The same over REST, at once; the service lives on.
+/// Over REST, uploads that exceed the memory are rejected at once; the service continues.
 #[test]
 fn uploads_that_do_not_fit_into_memory_are_refused_when_asked_for() {
     let place = Place::with_bench("", BENCH);
@@ -237,7 +237,7 @@ fn uploads_that_do_not_fit_into_memory_are_refused_when_asked_for() {
     assert_eq!(none["items"].as_array().unwrap().len(), 0);
 }
 
-/// Many views of one large map at once take little more than one: 12 Mpixel are 48 MiB per channel.
+/// Concurrent views of one large map take little more memory than one: 12 Mpixel are 48 MiB per channel.
 #[test]
 fn views_of_a_large_map_are_bounded_in_memory() {
     let place = Place::with_bench("", BENCH);
@@ -265,13 +265,13 @@ fn views_of_a_large_map_are_bounded_in_memory() {
         ("pixel?x=1&y=1", 16, 400),
         ("view", 3, 400),
     ] {
-        // The mark is that of these views alone.
+        // Resets the high-water mark, so that it covers only these views.
         fs::write(format!("/proc/{}/clear_refs", service.pid()), "5").unwrap();
         std::thread::scope(|scope| {
             let all: Vec<_> = (0..times).map(|_| scope.spawn(|| service.get(&format!("{base}/{path}")))).collect();
             for answer in all {
                 let answer = answer.join().unwrap();
-                // A map by itself has no photographs, so that its pixels are refused.
+                // A map alone has no photographs, so requests for pixels are rejected.
                 assert_eq!(answer.status, if path.starts_with("pixel") { 404 } else { 200 }, "{path}: {}", answer.head);
             }
         });

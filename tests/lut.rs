@@ -1,4 +1,5 @@
-//! Lookup tables as a user makes them: of simulated flash photographs, of photographs from elsewhere, over REST.
+//! Lookup tables from a user's point of view: from simulated flash photographs, from existing photographs, and over
+//! REST.
 
 #![allow(clippy::unwrap_used)]
 
@@ -19,7 +20,7 @@ fn light(u: f64, v: f64) -> f64 {
     (-0.5 * square / (sigma * sigma)).exp() / (1.0 + 2.0 * (m * m + n * n))
 }
 
-/// A photograph of them, and a cap on its light above which it is not known.
+/// Writes a photograph of these orders; light above `cap` is saturated.
 fn photograph(path: &Path, center: [f64; 2], cap: f64) {
     let at = |x: usize, y: usize| light((center[0] - x as f64) * SCALE, (y as f64 - center[1]) * SCALE);
     let attributes: [(&str, Attribute); 0] = [];
@@ -44,7 +45,7 @@ fn a_table_puts_each_wavelength_where_its_orders_lie() {
     let dir = tempfile::tempdir().unwrap();
     let (photo, out) = (dir.path().join("photo.exr"), dir.path().join("table"));
     photograph(&photo, [150.4, 148.7], f64::INFINITY);
-    // A lamp of one line: the table is the photograph at another scale.
+    // With a monochromatic lamp, the table is the photograph at another scale.
     let lamp = dir.path().join("line.csv");
     std::fs::write(&lamp, "544,0\n545,1\n546,0\n").unwrap();
     let more = ["--illuminant", lamp.to_str().unwrap(), "--extent", "0.4"];
@@ -53,7 +54,7 @@ fn a_table_puts_each_wavelength_where_its_orders_lie() {
     let center: Vec<f64> = report["center"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
     assert!((center[0] - 150.4).abs() < 0.02 && (center[1] - 148.7).abs() < 0.02, "{center:?}");
     let table = read_exr(&out.join("lut.exr")).unwrap();
-    // The observer's own numbers at 545 nm (CIE 1931: 0.3597, 0.9803, 0.0134).
+    // Colour matching functions at 545 nm (CIE 1931: 0.3597, 0.9803, 0.0134).
     let white: Vec<f64> = table.attributes["white"].split(' ').map(|v| v.parse().unwrap()).collect();
     let off = white.iter().zip([0.367, 1.0, 0.0137]).map(|(found, truth)| (found - truth).abs());
     assert!(white.len() == 3 && off.fold(0.0, f64::max) < 0.002, "{white:?}");
@@ -74,7 +75,7 @@ fn a_table_puts_each_wavelength_where_its_orders_lie() {
     for name in ["lut.png", "coverage.png", "profile.csv", "report.json"] {
         assert!(out.join(name).is_file(), "{name}");
     }
-    // Nothing is overwritten without being asked.
+    // Existing files are not overwritten without --force.
     run(&photo, &out, &USUAL).expect(2);
     run(&photo, &out, &[&USUAL[..], &["--force"]].concat()).expect(0);
 }
@@ -84,7 +85,7 @@ fn a_light_that_is_no_point_is_spread_over_the_table() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     photograph(&path("photo.exr"), [150.4, 148.7], f64::INFINITY);
-    // Two lamps, 21 pixels (0.084 half vectors) beside each other, the right one twice as bright.
+    // Two lamps, 21 pixels (0.084 half vectors) apart; the right one is twice as bright.
     let lamps = |name: &str, right: f32| {
         let attributes: [(&str, Attribute); 0] = [];
         write_exr(&path(name), 64, 64, &["Y"], &attributes, &|_, y, row| {
@@ -98,17 +99,17 @@ fn a_light_that_is_no_point_is_spread_over_the_table() {
     };
     let mirror = lamps("mirror.exr", 2.0);
     let [plain, spread] = ["plain", "spread"].map(path);
-    // Entries as far apart as pixels.
+    // The spacing of entries equals the pixel size.
     let wide = [&USUAL[..4], &["--size", "200", "--extent", "0.4"]].concat();
     run(&path("photo.exr"), &plain, &wide).expect(0);
     let report = run(&path("photo.exr"), &spread, &[&wide[..], &["--light", &mirror]].concat()).json();
     assert_eq!(report["light"]["pixels"], 2, "{report}");
-    // Root mean square distance from the middle: 21 pixels · √(1/3 · 2/3).
+    // Root mean square distance from the centroid: 21 pixels · √(1/3 · 2/3).
     assert!((report["light"]["spread"].as_f64().unwrap() - 0.084 * f64::sqrt(2.0 / 9.0)).abs() < 1e-6, "{report}");
     let [plain, spread] = [plain, spread].map(|p| read_exr(&p.join("lut.exr")).unwrap().channels.remove("Y").unwrap());
     let brightest = plain.iter().copied().fold(0.0, f32::max);
-    // The middle of the light is put where the zero order is: the brighter lamp is seven pixels right of it, which are seven entries to
-    // the left in half vectors, and the other one fourteen pixels left.
+    // The centroid of the light corresponds to the zero order. The brighter lamp is seven pixels to its right, which is
+    // seven entries to the left in half vectors. The other lamp is fourteen pixels to the left.
     for i in (200..199 * 200).filter(|i| (20..180).contains(&(i % 200))) {
         let wanted = (2.0 * plain[i + 7] + plain[i - 14]) / 3.0;
         assert!((spread[i] - wanted).abs() < 1e-4 * brightest, "{i}: {} {wanted}", spread[i]);
@@ -131,26 +132,26 @@ fn what_was_not_measured_is_not_made_up() {
         let all = report["warnings"].as_array().unwrap();
         assert!(all.iter().any(|w| w.as_str().unwrap().contains(word)), "{word}: {all:?}");
     };
-    // Saturated: its place is that of its flanks, and the middle of the table is unknown.
+    // Saturated: its position follows from its flanks, and the centre of the table is unknown.
     photograph(&photo, [150.0, 149.0], 0.6);
     let report = run(&photo, &out, &[&USUAL[..], &["--force"]].concat()).expect(0).json();
     warned(&report, "saturated");
     assert!((report["center"][0].as_f64().unwrap() - 150.0).abs() < 0.05, "{report}");
     let table = read_exr(&out.join("lut.exr")).unwrap();
     assert!(table.channels["coverage"][128 * 256 + 128] < 0.01 && table.channels["Y"][128 * 256 + 128].is_nan());
-    // Clipped: more is asked for than the photograph shows.
+    // Clipped: the requested extent exceeds the photograph.
     photograph(&photo, [150.0, 149.0], f64::INFINITY);
     let report = run(&photo, &out, &[&USUAL[..], &["--force", "--extent", "1.5"]].concat()).json();
     warned(&report, "in part only");
     let table = read_exr(&out.join("lut.exr")).unwrap();
     assert!(table.channels["Y"][0].is_nan() && table.channels["coverage"][0] == 0.0);
-    // A wrong centre is seen by the lobe beside it.
+    // A wrong centre is detected by the lobe nearby.
     let wrong = [&USUAL[..], &["--force", "--center", "152,149"]].concat();
     let report = run(&photo, &out, &wrong).expect(1).json();
     warned(&report, "lobe there lies at 150");
     assert!(report["center_error"].as_f64().unwrap() > 0.1, "{report}");
     assert!(report["error_estimate"].as_f64().unwrap() > 0.1, "{report}");
-    // The zero order beyond the border, which makes the brightest order look like it.
+    // The zero order lies outside of the picture, so the brightest order is taken for it.
     photograph(&photo, [-30.0, 149.0], f64::INFINITY);
     let report = run(&photo, &out, &[&USUAL[..], &["--force"]].concat()).json();
     warned(&report, "as bright");
@@ -211,7 +212,7 @@ fn what_makes_no_sense_is_refused() {
 fn the_geometry_of_a_near_flash_is_undone() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
-    // Gratings of the same lattice from near and from far: half vectors do not depend on the distance.
+    // The same lattice of gratings from a short and a long distance: half vectors do not depend on distance.
     let scene = |mm: f64, pixel_um: f64| {
         format!(
             "camera_mm = {mm}\nflash_mm = {}\nbaseline_mm = [{}, 0]\npixel_um = {pixel_um}\nwidth = 600\nheight = 600\n\
@@ -248,7 +249,7 @@ fn the_geometry_of_a_near_flash_is_undone() {
         }
         [along / sum, sum / f64::from(y[200 * 401 + 200])]
     });
-    // The same arrangement as a calibrated geometry gives the same table.
+    // The same arrangement as a calibrated geometry yields the same table.
     let [pixels, middle] = [120.0 / 0.2, 299.5];
     let foot = [middle - 0.1 * 120.0 / 2.2 / 0.2, middle];
     let geometry = serde_json::json!({
@@ -266,11 +267,11 @@ fn the_geometry_of_a_near_flash_is_undone() {
     let brightest = by_hand.iter().copied().fold(0.0, f32::max);
     let apart = by_hand.iter().zip(&calibrated).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(apart < 1e-3 * brightest, "{apart} of {brightest}");
-    // The lattice's envelope shifts the centroid of an order, from near as from far.
+    // The lattice's envelope shifts the centroid of an order equally at both distances.
     assert!(peaks.iter().all(|p| (p[0] - 0.204).abs() < 5e-4), "{peaks:?}");
     assert!((peaks[0][0] - peaks[1][0]).abs() < 1e-4, "{peaks:?}");
-    // The same strength from near as from far: cosine, inverse square and G are undone. Pixels of 200 µm from near and 6.5 mm from far are
-    // not quite the same part of an order (1.4 %).
+    // Equal strength at both distances: cosine, inverse square and G are corrected. Pixels of 200 µm and of 6.5 mm
+    // cover slightly different parts of an order (1.4 %).
     assert!((peaks[0][1] / peaks[1][1] - 1.0).abs() < 0.02, "{peaks:?}");
 }
 
@@ -291,14 +292,14 @@ fn the_service_makes_tables_of_its_sessions() {
     assert_eq!(done["report"]["illuminant"], "D65", "{done}");
     let picture = service.get(&format!("{path}/files/lut.png")).expect(200);
     assert!(picture.body.starts_with(b"\x89PNG"));
-    // The same as the command's.
+    // The same result as from the command.
     let out = place.path("table");
     let more = ["--wavelength", "680", "--scale", "0.004", "--size", "64", "--illuminant", "D65"];
     run(&photo, &out, &more).expect(0);
     assert!(
         service.get(&format!("{path}/files/lut.exr")).expect(200).body == std::fs::read(out.join("lut.exr")).unwrap()
     );
-    // Under a light that is no point, whose photograph is an upload of its own.
+    // With an extended light, whose photograph is a separate upload.
     let light = place.path("light.exr");
     let attributes: [(&str, Attribute); 0] = [];
     write_exr(&light, 40, 40, &["Y"], &attributes, &|_, y, row| {
@@ -317,12 +318,13 @@ fn the_service_makes_tables_of_its_sessions() {
     let done = service.until(&wide, |job| job["state"] != "queued" && job["state"] != "running");
     assert!(done["report"]["light"]["pixels"].as_u64().is_some_and(|n| n > 50), "{done}");
     let out = place.path("spread");
-    // A light of so few pixels costs 2 % of the table, more than the 1 % that is asked for: written, and said by the exit code.
+    // A light of so few pixels causes an error of 2 %, above the requested 1 %: the table is written, and the exit code
+    // is 1.
     run(&photo, &out, &[&more[..], &["--light", light.to_str().unwrap(), "--light-scale", "0.004"]].concat()).expect(1);
     assert!(
         service.get(&format!("{wide}/files/lut.exr")).expect(200).body == std::fs::read(out.join("lut.exr")).unwrap()
     );
-    // It is kept while a table needs it: the folder goes with the last one.
+    // The upload is kept while a table uses it; its folder is removed with the last one.
     let kept = place.path("data/uploads").join(lit_by["id"].as_str().unwrap());
     assert!(kept.is_dir(), "{kept:?}");
     let token = service.get(&format!("{wide}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
@@ -343,7 +345,7 @@ fn the_service_makes_tables_of_its_sessions() {
         json!({ "plan": { "kind": "exposures", "bracket": { "at_most": 2 }, "reconstruct": { "operation": "hdr" } } });
     let id = begin(&service, &plan);
     finished(&service, &id);
-    // The panel has no orders, which the job says.
+    // The panel has no orders, which the job reports.
     let asked = json!({ "session": id, "method": "lut", "options": table });
     let job = service.post("/api/v1/reconstructions", &asked).expect(202).json();
     let failing = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
@@ -357,7 +359,7 @@ fn the_service_makes_tables_of_its_sessions() {
         let asked = json!({ "session": id, "method": "lut", "options": options });
         assert!(service.post("/api/v1/reconstructions", &asked).expect(400).text().contains(word), "{options}");
     }
-    // A plan asks for its table itself.
+    // A plan can request a table.
     let plan = json!({ "plan": { "kind": "exposures", "exposures_ms": [5, 20], "reconstruct": { "method": "lut", "lut": { "size": 4 } } } });
     assert!(service.post("/api/v1/sessions", &plan).expect(400).text().contains("size"));
 }

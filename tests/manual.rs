@@ -1,4 +1,4 @@
-//! Devices by hand, and an analyser that a person turns.
+//! Manual control of devices, and an analyser rotated by a person.
 
 #![allow(clippy::unwrap_used)]
 
@@ -53,7 +53,7 @@ fn each_device_does_what_it_is_told() {
     assert!(nacre(["stage", "home"]).expect(2).stderr().contains("--sim"));
 }
 
-/// Light that a person switched on goes off with them, however they go.
+/// Manually switched light goes off with the command, however the command ends.
 #[test]
 fn light_by_hand_goes_off_with_the_command() {
     let place = Place::with_bench("", BENCH);
@@ -80,8 +80,7 @@ fn light_by_hand_goes_off_with_the_command() {
     }
 }
 
-/// A program that is alive but does nothing any more is as good as gone, and nobody may keep the flash on for longer than
-/// the bench allows.
+/// A hung program counts as ended, and the maximum on-time of the flash always applies.
 #[test]
 fn the_flash_goes_off_when_its_owner_hangs_or_its_time_is_up() {
     let bench = |most_s: f64| {
@@ -89,7 +88,7 @@ fn the_flash_goes_off_when_its_owner_hangs_or_its_time_is_up() {
         let bench = BenchProcess::start(&place.path("socket"), &place.path("bench.toml"), &["--real-time"]);
         (place, bench)
     };
-    // A bench that would leave the flash on for an hour: only its owner's end turns it off.
+    // A bench with a maximum on-time of an hour: only the end of the owner switches the flash off.
     let (_place, patient) = bench(3600.0);
     let until = |bench: &BenchProcess, lit: bool| {
         let begun = Instant::now();
@@ -110,7 +109,7 @@ fn the_flash_goes_off_when_its_owner_hangs_or_its_time_is_up() {
     owner.wait().unwrap();
     assert_gone(&mark);
 
-    // Who keeps saying "I am alive" while the light stays on is not believed for ever.
+    // Heartbeats do not extend the on-time beyond its maximum.
     let (_place, bench) = bench(1.5);
     let (mut guardian, mark) = command();
     let mut guardian = guardian
@@ -159,7 +158,7 @@ fn a_person_turns_the_analyser() {
         assert!(stderr.contains(&format!("turn the analyser to {angle}° and press Enter")), "{stderr}");
     }
     assert_eq!(data(&place.path("s")).len(), 4);
-    // Somebody who goes away leaves a session that can be resumed by others like them, but not on a motor.
+    // If the person leaves, the session can be resumed with another person, but not with a motor.
     let (code, stderr) = run("left", "\n");
     assert_eq!(code, Some(1), "{stderr}");
     assert!(stderr.contains("hand-turned analyser") && stderr.contains("turn to 45°"), "{stderr}");
@@ -167,7 +166,7 @@ fn a_person_turns_the_analyser() {
     assert!(fs::read_to_string(place.path("left/journal")).unwrap().contains("committed"));
 }
 
-/// A panel's exponent is found as the bench has it, and so is how long it lags behind what it says.
+/// The measured gamma of a panel, and its latency after acknowledgement, equal those of the bench.
 #[test]
 fn a_panels_tone_and_lag_are_measured() {
     for (gamma, lag_ms) in [(2.2, 0), (1.4, 130)] {
@@ -181,13 +180,13 @@ fn a_panels_tone_and_lag_are_measured() {
         assert!((measured - gamma).abs() < 3.0 * sigma + 0.005 && sigma < 0.02, "{found}");
         assert!(law["deviation"].as_f64().unwrap() < 0.005, "{found}");
         let (frames, late) = (found["late_frames"].as_u64().unwrap(), found["late_ms"].as_f64().unwrap());
-        // Known to within an exposure and a readout.
+        // Within one exposure and readout.
         let frame_ms = found["exposure_ms"].as_f64().unwrap() + 30.0;
         let fits =
             if lag_ms == 0 { frames == 0 } else { late > f64::from(lag_ms) && late < f64::from(lag_ms) + frame_ms };
         assert!(fits, "{lag_ms} ms: {found}");
         assert!(found["advice"].to_string().contains("response_ms") == (lag_ms > 0), "{found}");
-        // What is there is kept.
+        // Existing files are kept.
         assert!(run().expect(2).stderr().contains("--force"));
     }
     let dark = Place::with_bench("", &format!("{BENCH}[panel]\nsize_mm = [1.0, 1.0]\n"));

@@ -1,4 +1,4 @@
-//! Commands of one device need a configuration of that device only, and leave the others alone.
+//! Commands on a single device require only its configuration, and leave other devices alone.
 
 #![allow(clippy::unwrap_used)]
 
@@ -7,7 +7,7 @@ use std::fs;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-/// Every command of single devices, and the sections of the configuration that it needs.
+/// All commands on single devices, and the required sections of the configuration.
 const COMMANDS: [(&str, &[&str]); 12] = [
     ("stage move 10", &["stage"]),
     ("stage home", &["stage"]),
@@ -23,7 +23,7 @@ const COMMANDS: [(&str, &[&str]); 12] = [
     ("calibrate panel --out OUT", &["camera", "display"]),
 ];
 
-/// A section of each device, none of which is plugged in.
+/// A section for each device, none of which is connected.
 const NOT_PLUGGED_IN: [(&str, &str); 4] = [
     ("stage", "driver = { kind = \"elliptec\", port = \"/dev/no-such-port\" }"),
     ("camera", "driver = { kind = \"v4l2\", device = \"/dev/no-such-camera\" }"),
@@ -31,7 +31,7 @@ const NOT_PLUGGED_IN: [(&str, &str); 4] = [
     ("flash", "driver = { kind = \"relay\", path = \"unix:/no/such/lamp\" }"),
 ];
 
-/// Writes a configuration of these sections and runs a command on it.
+/// Writes a configuration of these sections and runs a command with it.
 fn run(place: &Place, args: &str, sections: &[(&str, &str)]) -> Run {
     let text: Vec<String> = sections.iter().map(|(name, driver)| format!("[bench.{name}]\n{driver}\n")).collect();
     fs::write(place.path("nacre.toml"), text.concat()).unwrap();
@@ -48,13 +48,13 @@ fn a_command_asks_for_the_sections_that_it_needs_and_no_others() {
             let sections = NOT_PLUGGED_IN.into_iter().filter(|(name, _)| needs.contains(name) == wanted);
             sections.collect::<Vec<_>>()
         });
-        // The device itself is missed, not a section.
+        // The error is about the missing device, not about its section.
         let missed = run(&place, args, &needed).expect(1).stderr();
         assert!(!missed.contains("[bench."), "{args}: {missed}");
         if others.is_empty() {
             continue;
         }
-        // A picture is taken without a panel, but one that is described is used.
+        // A picture can be taken without a panel, but a configured panel is used.
         let told = run(&place, args, &others).expect(2).stderr();
         for name in needs {
             let wanted = [format!("no {name}"), format!("[bench.{name}]"), "nacre.toml".into()];
@@ -69,7 +69,7 @@ fn a_command_asks_for_the_sections_that_it_needs_and_no_others() {
     assert!(!place.path("out").exists());
 }
 
-/// A bench with an emulated stage and lamp, and the sections of a configuration that drives them.
+/// A bench with an emulated stage and lamp, and the sections of a configuration for them.
 fn emulated(place: &Place) -> (BenchProcess, [String; 2]) {
     let [stage, lamp] = ["stage", "lamp"].map(|name| place.text(name));
     let devices = [format!("elliptec={stage}"), format!("relay={lamp}")];
@@ -105,7 +105,7 @@ fn a_device_is_driven_by_a_configuration_of_it_alone() {
         let text = run(&place, "devices", &section).expect(0).stdout();
         assert!(text.contains("not configured: there is no [bench.camera]"), "{text}");
     }
-    // A device that is not there keeps no other from being listed.
+    // A missing device does not prevent the listing of others.
     let run = run(&place, "--json devices", &[NOT_PLUGGED_IN[0], flash[0]]).expect(1);
     let listed = run.json();
     assert!(run.stderr().contains("no-such-port"), "{}", run.stderr());
@@ -113,7 +113,7 @@ fn a_device_is_driven_by_a_configuration_of_it_alone() {
     assert!(listed[3]["id"].as_str().unwrap().contains("relay"), "{listed}");
 }
 
-/// Starts a command that keeps its device until it is told to end.
+/// Starts a command that holds its device until it is stopped.
 fn holding(args: &[&str]) -> (Child, String) {
     let (mut command, mark) = command();
     (command.args(args).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap(), mark)
@@ -131,7 +131,7 @@ fn signal(child: &Child, signal: &str) {
     std::process::Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
 }
 
-/// Devices that a command does not use are free for others, and their light stays as it is.
+/// Devices that a command does not use remain available to others, and their light is unchanged.
 #[test]
 fn other_devices_stay_free() {
     let place = Place::with_bench("", BENCH);
@@ -152,7 +152,7 @@ fn other_devices_stay_free() {
     assert_eq!(light(&bench), [false, false]);
 }
 
-/// The guardian holds the flash of a configuration without other devices, too.
+/// The guardian also holds the flash of a configuration without other devices.
 #[test]
 fn a_lamp_alone_goes_off_with_its_command() {
     let place = Place::with_bench("", BENCH);

@@ -1,4 +1,5 @@
-//! Operations: command line, OpenAPI document and page offer the same options, with the same defaults.
+//! Operations offer the same options with the same defaults on the command line, in the OpenAPI document and on the
+//! page.
 
 #![allow(clippy::unwrap_used)]
 
@@ -28,7 +29,7 @@ const DERIVED: [(&[&str], &str); 13] = [
     (&["synthesize"], "synthesize"),
 ];
 
-/// Operations of the page's uploads, and options that the page has controls of its own for.
+/// Operations on the page's uploads, and options with separate controls.
 const UPLOADED: [(&str, &[&str]); 12] = [
     ("polarization", &[]),
     ("hdr", &[]),
@@ -79,7 +80,7 @@ fn typed(value: &Value) -> String {
 fn old_spellings_are_accepted() {
     let place = Place::new("");
     let out = place.text("out");
-    // Values out of range, which are refused by the new name before any input is read.
+    // Values out of range, rejected under the new name before any input is read.
     for (old, new, value) in [
         ("--wavelength", "--wavelength-nm", "5"),
         ("--panel", "--panel-mm", "0x300"),
@@ -114,7 +115,7 @@ fn mistakes_are_named_as_flags_and_as_keys() {
     assert!(unknown.text().contains("polarization, hdr, stack"), "{}", unknown.text());
 }
 
-/// Files of the machine are nobody's business; those of the upload are used.
+/// Options must not name arbitrary files of the machine; files of the upload are used.
 #[test]
 fn options_name_files_of_the_upload_only() {
     let place = Place::with_bench("", BENCH);
@@ -128,9 +129,9 @@ fn options_name_files_of_the_upload_only() {
         assert!((400..500).contains(&refused.status), "{path}: {}", refused.text());
         assert!(refused.text().contains("was not sent"), "{}", refused.text());
     }
-    // A built-in word is no file: the next complaint is about the photographs.
+    // A built-in word is not a file: the next error is about the photographs.
     assert!(merge("recover").text().contains("exposure time"));
-    // Plans name none either.
+    // Plans must not name files, either.
     for (method, kind, options, key) in [
         ("lut", "exposures", json!({ "light": { "path": "/etc/passwd" } }), "light.path"),
         ("lut", "exposures", json!({ "illuminant": "/etc/passwd" }), "illuminant"),
@@ -139,7 +140,7 @@ fn options_name_files_of_the_upload_only() {
     ] {
         let mut plan = json!({ "kind": kind, "exposures_ms": [1.0, 4.0], "spots": { "fringes": { "count": 8, "phases": 4, "finest_mm": 28.0 } },
             "reconstruct": { "operation": method, "options": options } });
-        // Each kind of plan takes only one of the two.
+        // Each kind of plan accepts only one of the two.
         plan.as_object_mut().unwrap().retain(|name, _| name != if kind == "spots" { "exposures_ms" } else { "spots" });
         let problems = service.post("/api/v1/plans/check", &json!({ "plan": plan })).text();
         assert!(problems.contains(&format!("reconstruct.options.{key}: names the file")), "{key}: {problems}");
@@ -176,7 +177,7 @@ fn an_operation_runs_through_its_own_path() {
     assert_eq!((&stacked["method"], &stacked["report"]["photographs"]), (&json!("stack"), &json!(5)), "{stacked}");
     assert_eq!(stacked["report"]["rejected"], 0.0);
     let clipped = done("stack", &json!({ "upload": uploaded(&service, 5) }));
-    // The outliers alone; less than half a value further off, as the share is one minus a quotient.
+    // Only the outliers are rejected; the tolerance of half a value allows for rounding of the share.
     let rejected = clipped["report"]["rejected"].as_f64().unwrap() * 5.0 * 48.0 * 32.0;
     assert!((rejected - 5.0).abs() < 0.5, "{clipped}");
     let session = begin(&service, &plan(4, 10.0));
@@ -187,7 +188,7 @@ fn an_operation_runs_through_its_own_path() {
         &service,
         &format!("/api/v1/reconstructions/{}/files/aolp.exr", plain["id"].as_str().unwrap()),
     );
-    // What the old path asks for is the same.
+    // A request to the old path gives the same result.
     let job =
         service.post("/api/v1/reconstructions", &json!({ "session": session, "model": "plain" })).expect(202).json();
     let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());

@@ -1,4 +1,5 @@
-//! The service towards the outside: uploads, requests from elsewhere, large, slow and many ones, tokens, configurations.
+//! External interfaces of the service: uploads, requests from other hosts, large, slow and numerous requests, tokens,
+//! configurations.
 
 #![allow(clippy::unwrap_used)]
 
@@ -37,7 +38,7 @@ fn uploaded_photographs_become_maps() {
     assert_eq!(done["report"]["width"], 16);
     assert!(service.get(&format!("{base}/log")).expect(200).text().contains("attempt"));
     service.post(&format!("{base}/cancel"), &json!({})).expect(409);
-    // Nobody said that a grating is in view.
+    // No illumination was stated, so plain polarimetry is used.
     assert_eq!(done["report"]["model"], "plain");
     let pixel = service.get(&format!("{base}/pixel?x=3&y=4")).expect(200).json();
     assert!(pixel["aolp_deg"].is_f64() && pixel["orientation_deg"].is_null() && pixel["masked"] == false, "{pixel}");
@@ -56,7 +57,7 @@ fn uploaded_photographs_become_maps() {
         service.post("/api/v1/reconstructions", &asked).expect(400);
     }
     assert_eq!(service.get("/api/v1/reconstructions").expect(200).json()["items"][1]["id"], id.as_str());
-    // Pictures have the colours that the report states, whatever was asked for.
+    // Pictures use the palette stated in the report, as requested.
     for (asked, palette) in [(json!({}), "cyclic"), (json!({ "palette": "hsv" }), "hsv")] {
         let mut body = json!({ "upload": uploaded["id"] });
         body.as_object_mut().unwrap().extend(asked.as_object().unwrap().clone());
@@ -92,7 +93,7 @@ fn uploaded_photographs_become_maps() {
         words.iter().for_each(|w| assert!(detail.contains(w), "no {w} in {refused}"));
         assert!(!detail.contains("/data/"), "paths of the machine are told: {refused}");
     }
-    // Signs and decimals of names are read; where the angle is ambiguous, the way out is one of requests.
+    // Signs and decimals in names are parsed; if an angle is ambiguous, the remedy refers to the request.
     let named = |names: &[&str]| {
         let parts: Vec<(&str, &str, &[u8])> = names.iter().map(|n| ("file", *n, good.as_slice())).collect();
         service.upload(&parts)
@@ -171,7 +172,7 @@ fn the_page_loads_compressed_and_is_kept() {
     service.get("/assets/0123456789abcdef/app.js").expect(404);
     let document = service.send("GET", "/api/v1/openapi.json", &["Accept-Encoding: gzip"], b"").expect(200);
     assert!(document.head.contains("gzip") && document.body.starts_with(&[0x1f, 0x8b]), "{}", document.head);
-    // Pictures are compressed already.
+    // Pictures are already compressed.
     let picture =
         service.send("GET", "/api/v1/devices/camera/preview.png", &["Accept-Encoding: gzip"], b"").expect(200);
     assert!(!picture.head.contains("content-encoding"), "{}", picture.head);
@@ -200,7 +201,7 @@ fn large_slow_and_many_requests_are_bounded() {
     let answer = String::from_utf8_lossy(&service.raw(slow.as_bytes(), NEVER)).into_owned();
     assert!(answer.contains("too long"), "{answer}");
 
-    // Half-sent requests take nobody's place. Those that are worked on do, but not that of STOP.
+    // Incomplete requests occupy no slot. Requests in progress do, but not that of STOP.
     let stuck: Vec<_> = (0..20).map(|_| service.connect(slow.as_bytes())).collect();
     service.get("/healthz").expect(200);
     drop(stuck);
@@ -229,14 +230,14 @@ fn large_slow_and_many_requests_are_bounded() {
 fn a_thousand_event_subscribers_are_bounded_in_memory() {
     let place = Place::with_bench("", BENCH);
     let service = Service::start(&place, &[]);
-    // Everything that a session needs is there before memory is measured.
+    // Everything that a session needs is allocated before memory is measured.
     let first = begin(&service, &plan(3, 5.0));
     finished(&service, &first);
     let id = begin(&service, &plan(60, 100.0));
     service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "running");
     let before = service.memory();
     let request = format!("GET /api/v1/sessions/{id}/events HTTP/1.1\r\nHost: {}\r\n\r\n", service.address);
-    // Nobody reads, so that what the service would store for them shows.
+    // No client reads, so that any buffering by the service becomes visible.
     let streams: Vec<_> = (0..1000)
         .map(|_| {
             let mut stream = std::net::TcpStream::connect(service.address).unwrap();

@@ -1,5 +1,4 @@
-//! Every page of the service in headless Chromium: whether people can use it who see, hear or point otherwise, what it weighs, and whether it
-//! stands still.
+//! All pages of the service in headless Chromium: accessibility, size, and layout stability.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -10,10 +9,10 @@ use nacre_tests::{Place, nacre};
 use serde_json::json;
 use std::time::Duration;
 
-/// Most bytes of a first load without data.
+/// Maximum number of bytes of a first load without data.
 const WEIGHT: u64 = 500_000;
 
-/// Largest sum of layout shifts, as the web's vitals count them.
+/// Maximum cumulative layout shift, as defined by Web Vitals.
 const SHIFT: f64 = 0.1;
 
 #[test]
@@ -40,7 +39,7 @@ fn every_page_is_accessible_light_and_stands_still() {
         service.post("/api/v1/reconstructions", &json!({ "session": id, "model": "sinusoid" })).expect(202).json();
     let job = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
     service.until(&job, |j| j["state"] == "done");
-    // Each with what is there once it has all come.
+    // Each page with an element that appears when it is complete.
     let pages = [
         ("bench".to_owned(), "document.querySelector('#preview')?.naturalWidth > 0"),
         ("new".into(), "/\\d/.test(document.querySelector('#estimate').textContent)"),
@@ -70,14 +69,14 @@ fn every_page_is_accessible_light_and_stands_still() {
         assert!(shift < SHIFT, "{page}: the layout shifts by {shift}");
         for theme in ["light", "dark"] {
             browser.run(&format!("document.documentElement.dataset.theme = '{theme}'"));
-            // Colours change in 0.12 s, which a busy browser begins late.
+            // Colours change within 0.12 s, which a busy browser starts late.
             browser.until("document.getAnimations().every((a) => !(a instanceof CSSTransition))");
             let found = browser.run(include_str!("accessible.js"));
             assert_eq!(found[0], json!([]), "{page}, {theme}");
             assert!(found[1].as_u64() > Some(10) && found[2].as_u64() > Some(10), "{page} was not there: {found}");
         }
     }
-    // A result is found by words, and deleted when that is confirmed.
+    // A result is found by words, and deleted after confirmation.
     browser.open("about:blank");
     browser.open(&format!("{url}/#/results"));
     browser.until("document.querySelector('.card img')?.naturalWidth > 0");
@@ -131,10 +130,10 @@ fn a_study_is_read_by_keyboard() {
         browser.call("POST", "/actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
         browser.run("return document.querySelector('.detail').innerText").as_str().unwrap().to_owned()
     };
-    // Arrow right, and back: another setting each.
+    // Arrow right, and back: another setting each time.
     let [second, first] = ["\u{E014}", "\u{E012}"].map(press);
     assert!(first != second && first.contains("Wrong and confident") && first.contains("quartiles"), "{first}");
-    // The numbers are those of the study's own file.
+    // The numbers equal those of the study's file.
     let study = service.get("/api/v1/charts/today/frames/frames.json").expect(200).json();
     let fastest = study["points"].as_array().unwrap().iter().filter(|p| p["scene"] == study["reference"]);
     let fastest = fastest
@@ -147,7 +146,7 @@ fn a_study_is_read_by_keyboard() {
     assert!(first.contains(&format!("{error:.digits$} °")), "{first}\n{error}");
     browser.both("charts");
 
-    // A chart is found by words, and a folder of them deleted when that is confirmed.
+    // A chart is found by words, and a folder of charts is deleted after confirmation.
     let search = |words: &str| {
         browser.run(&format!(
             "const s = document.querySelector('#search'); s.value = '{words}'; s.dispatchEvent(new Event('input'))"
@@ -179,13 +178,13 @@ fn a_camera_is_calibrated_step_by_step() {
             "const e = document.querySelector('#{id}'); e.value = '{value}'; e.dispatchEvent(new Event('input', {{ bubbles: true }}))"
         ));
     };
-    // A row that cannot be right keeps the next step closed.
+    // An implausible value keeps the next step closed.
     set("board-measured", "200");
     browser.until("document.body.innerText.includes('the row is off by 20')");
     assert_eq!(browser.run(&format!("return {closed}")), true);
     set("board-measured", "251");
     browser.until("document.body.innerText.includes('a square is 25.100 mm')");
-    // The driver takes no path with a step back.
+    // The driver accepts no path with `..`.
     let folder = data.join("calibration").canonicalize().unwrap();
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().flatten().map(|e| e.path()).collect();
     files.retain(|f| f.extension().is_some_and(|e| e == "jpg"));
@@ -215,14 +214,14 @@ fn a_camera_is_calibrated_step_by_step() {
     ] {
         assert!(text.contains(words), "no “{words}” in: {text}");
     }
-    // The chosen photograph is where the sample is.
+    // The chosen photograph determines the pose of the sample.
     let id = browser.run("return location.hash.split('/').pop()");
     let job = service.get(&format!("/api/v1/reconstructions/{}", id.as_str().unwrap())).expect(200).json();
     assert!(job["report"]["photographs"][0]["file"].as_str().unwrap().contains("left03"), "{job}");
 }
 
-/// A camera half a metre above a sample, tilted a little, and a light: in mirrors at two heights it is seen where geometry says, and the wizard finds it
-/// and its wavelength from photographs.
+/// A camera half a metre above a sample, slightly tilted, and a light. Its mirror images at two heights are simulated
+/// from geometry, and the wizard determines its position and wavelength from photographs.
 #[test]
 fn a_light_is_calibrated_step_by_step() {
     let Some(browser) = Browser::start() else { return };
@@ -235,7 +234,7 @@ fn a_light_is_calibrated_step_by_step() {
     nacre_processing::geometry::save(&geometry, &file).unwrap();
     let photographs: Vec<String> = [0.0, 120.0]
         .map(|height| {
-            // Light behind the mirror's plane, seen by the camera.
+            // The light's virtual image behind the mirror, projected into the camera.
             let [x, y] = geometry.pixel([light[0], light[1], 2.0 * height - light[2]]).unwrap();
             let lobe = |px: u32, py: u32| {
                 let square = (f64::from(px) - x).powi(2) + (f64::from(py) - y).powi(2);
@@ -293,7 +292,7 @@ fn a_light_is_calibrated_step_by_step() {
     println!("the light is {off:.2} mm off, σ {sigma:.2} mm");
     assert!(off < 3.0 * sigma && sigma < 20.0, "{found}");
     assert!((found["wavelength_nm"].as_f64().unwrap() - 532.0).abs() < 0.2, "{found}");
-    // What cannot be is said over REST as well; a wavelength needs no photographs.
+    // Invalid requests are also rejected over REST; a wavelength requires no photographs.
     let ask = |options: serde_json::Value| {
         service.post("/api/v1/reconstructions", &json!({ "method": "calibrate", "options": options }))
     };
@@ -346,7 +345,7 @@ fn a_panel_is_measured_step_by_step() {
     for words in ["to the power 1.8", "every frame showed", "spots.fringes.gamma = 1.8", "This calibration"] {
         assert!(text.contains(words), "no “{words}” in: {text}");
     }
-    // Whoever comes back finds it; light is off, and the bench is free.
+    // The measurement is found on return; the light is off, and the bench is free.
     browser.open("about:blank");
     browser.open(&format!("{url}/#/calibrate/panel"));
     browser.until("document.querySelector('#panel-save')");
@@ -354,7 +353,7 @@ fn a_panel_is_measured_step_by_step() {
     assert_eq!((&found["state"], &found["progress"]), (&json!("done"), &json!(1.0)), "{found}");
     let devices = service.until("/api/v1/devices", |d| d["activity"] == "idle");
     assert_eq!(devices["display"]["pattern"], "black", "{devices}");
-    // STOP ends one.
+    // STOP ends a measurement.
     measure(86).expect(202);
     service.post("/api/v1/stop", &json!({})).expect(200);
     let ended = service.until("/api/v1/devices/display/measurement", |m| m["state"] != "running");
@@ -391,7 +390,7 @@ fn a_stopped_session_says_what_to_do() {
     browser.until("document.querySelector('.log').innerText.includes('again after') || document.querySelector('.log').innerText.includes('stopped')");
 }
 
-/// Nothing keeps people from using what is shown, in light and dark.
+/// Asserts that a page is accessible in light and dark theme.
 fn accessible(browser: &Browser, what: &str) {
     for theme in ["light", "dark"] {
         browser.run(&format!("document.documentElement.dataset.theme = '{theme}'"));

@@ -1,4 +1,4 @@
-//! The service on emulated devices: sessions through the real drivers, and on a panel that is a browser page.
+//! The service with emulated devices: sessions through the real drivers, and with a browser page as panel.
 
 #![allow(clippy::unwrap_used)]
 
@@ -11,7 +11,7 @@ use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// A bench that takes its time, with an emulated GRBL axis and relay, and a service that drives them.
+/// A bench at real pace with an emulated GRBL axis and relay, and a service that drives them.
 fn driven(place: &Place, display: &str) -> (BenchProcess, Service) {
     let [socket, stage, lamp] = ["socket", "stage", "lamp"].map(|name| place.text(name));
     let config = format!(
@@ -41,13 +41,13 @@ fn the_service_drives_devices_and_stop_cuts_their_movements_short() {
         ],
     } });
     let id = begin(&service, &plan);
-    // Without a stage of work it has given the devices back; when its state changes, it still has them.
+    // Without a stage of work it has released the devices; when its state changes, it still holds them.
     let over = |s: &Value| s["state"] == "finished" && s["stage"].is_null();
     let done = service.until(&format!("/api/v1/sessions/{id}"), over);
     assert_eq!(done["frames_committed"], 2, "{done}");
     assert_eq!(light(&bench), [false, false]);
 
-    // Nine seconds of movement, so that a busy machine has time to stop it.
+    // A movement of nine seconds, so that a busy machine has time to stop it.
     let away = json!({ "analyser_deg": 600.0 });
     std::thread::scope(|scope| {
         let moved = scope.spawn(|| service.post("/api/v1/devices/stage/move", &away));
@@ -69,7 +69,7 @@ fn the_service_drives_devices_and_stop_cuts_their_movements_short() {
     assert!((told - stands).abs() < 0.1, "it stands at {stands}°, but is said to stand at {told}°");
 }
 
-/// A page as a browser runs it: it acknowledges what it is asked for.
+/// A simulated browser page, which acknowledges the requested patterns.
 struct Page {
     shown: Arc<Mutex<Vec<Value>>>,
     stream: TcpStream,
@@ -96,7 +96,7 @@ impl Page {
 
 impl Drop for Page {
     fn drop(&mut self) {
-        // A service that ended has closed it already.
+        // A stopped service has already closed the connection.
         let _ = self.stream.shutdown(Shutdown::Both);
     }
 }
@@ -112,7 +112,7 @@ fn acknowledge(address: SocketAddr, hash: &Value) {
     exchange(address, request.as_bytes(), Duration::from_secs(2));
 }
 
-/// What the page shows is what sessions light the sample with; without a page they stop, and go on when there is one.
+/// Sessions use the pattern page as their light; without a page they stop, and can be resumed once there is one.
 #[test]
 fn sessions_light_the_sample_with_the_pattern_page() {
     let place = Place::with_bench("", BENCH);
@@ -129,7 +129,7 @@ fn sessions_light_the_sample_with_the_pattern_page() {
 
     let page = Page::open(service.address);
     service.until("/api/v1/display", |d| d["acknowledged"] == true);
-    // Past interlocks and STOP nothing is shown on it.
+    // No pattern is shown while an interlock is open or after STOP.
     let past = service.post("/api/v1/display/pattern", &json!({ "pattern": { "kind": "full" } })).expect(409);
     assert!(past.text().contains("the pattern page is the bench's panel"), "{}", past.text());
     service.post(&format!("{base}/resume"), &json!({})).expect(202);

@@ -1,4 +1,4 @@
-//! Periods and smoothing as a user asks for them, against a simulated foil whose periods are known.
+//! Periods and smoothing from a user's point of view, on a simulated foil with known periods.
 
 #![allow(clippy::unwrap_used)]
 
@@ -7,7 +7,7 @@ use nacre_tests::nacre;
 use serde_json::Value;
 use std::path::PathBuf;
 
-/// Squares of 1 mm with periods of 1.72 to 3.6 µm in 100 nm of aluminium, by Maxwell's equations, in air.
+/// Squares of 1 mm with periods of 1.72 to 3.6 µm in 100 nm deep aluminium gratings in air, rigorous theory.
 const BENCH: &str = r#"
 [sample]
 kind = "stochastic"
@@ -54,7 +54,7 @@ impl Foil {
         nacre(fixed.into_iter().chain(options.iter().copied())).expect(code)
     }
 
-    /// Relative errors of the periods in pixels of one square, sorted.
+    /// Sorted relative errors of the periods in pixels of one square.
     fn errors(&self, name: &str) -> Vec<f64> {
         let found = read_exr(&self.path(name).join("period.exr")).unwrap();
         let (period, truth, purity) =
@@ -68,7 +68,7 @@ impl Foil {
     }
 }
 
-/// With the true depth the periods are found; with a wrong one they are off by what the documentation says.
+/// With the true depth, the periods are correct; with a wrong one, their errors agree with the documentation.
 #[test]
 fn periods_come_out_of_the_contrast() {
     let foil = Foil::new();
@@ -78,7 +78,8 @@ fn periods_come_out_of_the_contrast() {
     };
     let (report, errors) = ask("right", "0.1");
     let (middle, wide) = (errors[errors.len() / 2], errors[errors.len() * 95 / 100] - errors[errors.len() / 20]);
-    // Noise scatters single pixels by 8 %, and where the polarization is weakest it masks the longest periods and draws the rest.
+    // Noise scatters single pixels by 8 %. Where the polarization is weakest, it masks the longest periods and biases
+    // the others.
     assert!(middle.abs() < 0.06 && wide < 0.35, "median {middle}, 90 % within {wide}");
     let period = &report["period"];
     assert_eq!(period["heuristic"], false);
@@ -92,7 +93,7 @@ fn periods_come_out_of_the_contrast() {
         let (_, errors) = ask(name, depth);
         assert!((least..most).contains(&errors[errors.len() / 2]), "{name}: {}", errors[errors.len() / 2]);
     }
-    // The plasmon below 1.7 µm makes part of a wider range ambiguous, which is masked and said.
+    // The plasmon below 1.7 µm makes part of a wider range ambiguous, which is masked and reported.
     let wide = ["--contrast-period", "0.9,3.7", "--depth-um", "0.1"];
     let report = foil.reconstruct("wide", &wide, 0).json();
     assert!(warned(&report, "can be told from the polarization"), "{}", report["warnings"]);
@@ -130,7 +131,7 @@ fn heuristic_periods_are_labelled() {
     }
 }
 
-/// Pictures are smoothed and the map is not, unless it is asked for, and then everything says so.
+/// By default, pictures are smoothed and the map is not; on request the map is smoothed, which all outputs state.
 #[test]
 fn maps_stay_as_measured_unless_asked() {
     let foil = Foil::new();

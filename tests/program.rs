@@ -1,4 +1,4 @@
-//! The program as a user runs it. One executable for all of it: linking takes longer than most tests.
+//! All end-to-end tests in one executable, because linking takes longer than most tests.
 //!
 //! `cargo test -p nacre-tests --test program kills::` runs one file.
 

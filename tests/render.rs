@@ -1,4 +1,4 @@
-//! Scenes rendered as a user does it.
+//! Rendering of scenes from a user's point of view.
 
 #![allow(clippy::unwrap_used)]
 
@@ -50,10 +50,10 @@ fn a_scene_becomes_a_picture_whose_error_is_known() {
         assert!(map.channels[name].iter().all(|v| v.is_finite()), "{name}");
     }
     assert!(dir.join("a.png").is_file());
-    // Nothing is replaced unasked; an error that the samples cannot meet is one.
+    // Existing files are not replaced; an error bound that the samples cannot meet sets the exit code.
     nacre(["render", &scene, "--out", &out]).expect(2);
     nacre(["render", &scene, "--out", &out, "--force", "--samples", "8", "--max-error", "0.00001"]).expect(1);
-    // What is kept is gone on with.
+    // A kept state is resumed.
     let keep = path(dir, "state.exr");
     nacre(["render", &scene, "--out", &path(dir, "b.exr"), "--samples", "16", "--keep", &keep]).expect(0);
     let rest = path(dir, "c.exr");

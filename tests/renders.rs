@@ -1,4 +1,4 @@
-//! Scenes rendered by the service: uploads, progress, pictures on the way, results, and what is refused.
+//! Scenes rendered by the service: uploads, progress, intermediate pictures, results, and rejected input.
 
 #![allow(clippy::unwrap_used)]
 
@@ -34,7 +34,7 @@ relief = { depth_um = 0.1 }
 coherence_um = 20
 ";
 
-/// A picture of one value but for its first pixel.
+/// A picture of one value except for its first pixel.
 fn albedo(place: &Place, first: f32) -> Vec<u8> {
     let path = place.path("albedo.exr");
     write_exr(&path, 8, 8, &["R", "G", "B"], &[], &|_, y, row| {
@@ -53,7 +53,7 @@ fn upload(service: &Service, files: &[(&str, &[u8])]) -> Answer {
     service.upload(&parts)
 }
 
-/// The path of a job that renders an upload.
+/// Path of a job that renders an upload.
 fn rendered(service: &Service, upload: &Value, options: &Value) -> String {
     let asked = json!({ "upload": upload["id"], "method": "render", "options": options });
     let job = service.post("/api/v1/reconstructions", &asked).expect(202).json();
@@ -95,7 +95,7 @@ fn a_scene_is_rendered_as_on_the_command_line() {
     let png = std::fs::read(place.path("out.png")).unwrap();
     assert!(file("render.png") == png && service.get(&format!("{job}/picture.png")).expect(200).body == png);
 
-    // Exposed anew: brighter and darker, and never by how much nobody can.
+    // New exposures: brighter, darker, and rejected values.
     let light = |query: &str| {
         let picture = service.get(&format!("{job}/picture.png{query}")).expect(200).body;
         let picture = image::load_from_memory(&picture).unwrap().into_luma8();
@@ -129,7 +129,7 @@ fn a_picture_is_seen_while_it_is_made_and_given_up() {
         assert!(so_far["of"].as_u64() >= so_far["passes"].as_u64(), "{next}");
         seen.push(so_far["passes"].as_u64().unwrap());
     }
-    // Four more, about a second apart, in the memory of one.
+    // Four more, about a second apart, within the memory of one.
     assert!(begun.elapsed() > Duration::from_millis(2900), "{seen:?} in {:?}", begun.elapsed());
     assert!(service.memory() < memory + 4096, "{memory} {}", service.memory());
     assert!(image::load_from_memory(&picture()).unwrap() != early);
@@ -184,7 +184,7 @@ fn scenes_that_reach_out_or_make_no_sense_are_refused() {
     }
     assert!(listing(&place.path("data/uploads")).is_empty());
 
-    // Options are judged at once; what files hold, by the job, in words that fit whoever sent them.
+    // Options are validated at once, contents of files by the job, with messages suitable for the sender.
     let sent = upload(&service, &[("scene.toml", plain.as_bytes())]).expect(201).json();
     for options in
         [json!({ "samples": 0 }), json!({ "max_error": -1 }), json!({ "wavelengths": 1 }), json!({ "keep": "/x" })]
@@ -199,7 +199,7 @@ fn scenes_that_reach_out_or_make_no_sense_are_refused() {
     let failed = ended(&service, &rendered(&service, &sent, &json!({})));
     let error = failed["error"].as_str().unwrap();
     assert!(failed["state"] == "failed" && error.starts_with("albedo.exr: ") && error.contains("NaN"), "{failed}");
-    // A mesh may name files as well.
+    // A mesh may refer to files, too.
     let mesh = plain.replace("\"plane\"\nsize = [80, 80]", "\"mesh\"\nfile = \"a.gltf\"");
     let gltf = "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"byteLength\":8,\"uri\":\"../../../bench.toml\"}]}";
     let sent = upload(&service, &[("scene.toml", mesh.as_bytes()), ("a.gltf", gltf.as_bytes())]).expect(201).json();
@@ -230,7 +230,7 @@ fn scenes_start_from_the_gallery_or_from_a_result() {
     let upload = sent(&[("result", "", session.as_bytes())]).expect(201).json();
     let done = ended(&service, &rendered(&service, &upload, &json!({ "samples": 16, "max_error": 0.5 })));
     assert_eq!(done["state"], "done", "{done}");
-    // The same maps in a scene of one's own.
+    // The same maps in a custom scene.
     let scene = SCENE
         .replace("\"albedo.exr\"", "[0.05, 0.05, 0.05]")
         .replace("orientation_deg = 90", "maps = \"orientation.exr\"");
@@ -268,7 +268,7 @@ fn a_person_renders_scenes() {
     browser.run("[...document.querySelectorAll('button')].find((b) => b.textContent === 'Cancel').click()");
     browser.until("document.body.innerText.includes('Cancelled.')");
 
-    // One's own, which must not reach out of its folder.
+    // A custom scene must not access files outside of its folder.
     browser.open(&format!("{url}/#/render"));
     browser.click("[data-key=files]");
     let foil = SCENE.replace("width = 48", "width = 240").replace("height = 40", "height = 180");
@@ -293,7 +293,7 @@ fn a_person_renders_scenes() {
     browser.click("#make-next");
     browser.until("document.querySelector('#render-check')?.checked && location.hash.includes('result')");
 
-    // What a session found, on a sheet.
+    // Results of a session, on a sheet.
     let session = begin(&service, &plan(4, 10.0));
     finished(&service, &session);
     browser.open(&format!("{url}/#/result/{session}"));

@@ -1,4 +1,4 @@
-//! What reports say of their errors, where these are large: compared with the error that there is.
+//! Errors stated in reports, compared with true errors, for large errors.
 
 #![allow(clippy::unwrap_used)]
 
@@ -8,10 +8,10 @@ use serde_json::{Value, json};
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// Pixels along a side of the photographs.
+/// Side of the photographs in pixels.
 const SIDE: usize = 96;
 
-/// Numbers with mean 0 and variance 1, nearly normal.
+/// Nearly normal numbers with mean 0 and variance 1.
 struct Noise(u64);
 
 impl Noise {
@@ -51,7 +51,8 @@ fn rms(errors: impl IntoIterator<Item = f64>) -> f64 {
     (square / n).sqrt()
 }
 
-/// Angles of weakly polarized light in a noisy camera, 3° and 5° off: the expected error is the real one.
+/// Angles of weakly polarized light with a noisy camera, with errors of 3° and 5°: the expected error equals the true
+/// one.
 #[test]
 fn noise_of_angles_is_the_scatter_about_the_truth() {
     for (k, degree, noise) in [(1, 0.3, 300.0), (2, 0.15, 300.0)] {
@@ -72,17 +73,17 @@ fn noise_of_angles_is_the_scatter_about_the_truth() {
         let off = |a: f32| (f64::from(a) - angle + 1.5 * PI).rem_euclid(PI) - 0.5 * PI;
         let known = map.channels["aolp"].iter().zip(&map.channels["mask"]).filter(|(_, mask)| **mask == 1.0);
         let real = rms(known.map(|(a, _)| off(*a))).to_degrees();
-        // σ(I)/(√(2N) B), B the amplitude of the curve.
+        // σ(I)/(√(2N) B), with the amplitude B of the curve.
         let theory = (noise / (18_f64.sqrt() * 5000.0 * degree)).to_degrees();
         let error = said["error_estimate_deg"].as_f64().unwrap();
-        // The scatter of thousands of pixels is known to 1 or 2 %. The theory is for all of them, those with weak modulation are masked; the report's
-        // figure is a median, from noise that residuals tell.
+        // The scatter of thousands of pixels is known to 1 or 2 %. The theory covers all pixels, but those with weak
+        // modulation are masked. The report states a median, with noise estimated from residuals.
         assert!(real > 2.0 && (real / theory - 1.0).abs() < 0.1, "{real} {theory}");
         assert!(error > 0.85 * real && error < 1.2 * real, "{error} {real}: {said}");
     }
 }
 
-/// Light merged from exposures with 10 and 30 % of noise.
+/// Merged light from exposures with 10 and 30 % of noise.
 #[test]
 fn noise_of_merged_light_is_the_scatter_about_the_truth() {
     for (k, part) in [(3, 0.1), (4, 0.3)] {
@@ -104,13 +105,14 @@ fn noise_of_merged_light_is_the_scatter_about_the_truth() {
         let mean = light.iter().map(|v| f64::from(*v)).sum::<f64>() / light.len() as f64;
         let real = rms(light.iter().map(|v| f64::from(*v) / mean - 1.0));
         let error = said["error_estimate"].as_f64().unwrap();
-        // The noise grows with the light here, and the noise model knows shot noise and a floor, not noise in proportion: they agree roughly. Merging
-        // two exposures leaves at least half of the noise of one.
+        // Here the noise is proportional to the light, but the noise model has only shot noise and a floor, so the
+        // agreement is approximate. Merging two exposures leaves at least half of the noise of one.
         assert!(real > 0.5 * part && error > 0.8 * real && error < 1.3 * real, "{error} {real}: {said}");
     }
 }
 
-/// Two equal lobes on a diagonal: of their matrix the two singular values are equal, so that one term leaves out half of the squares.
+/// Two equal lobes on a diagonal: their matrix has two equal singular values, so that one term omits half of the
+/// squares.
 #[test]
 fn one_term_of_a_table_that_does_not_separate_is_said_to_be_far_off() {
     let dir = tempfile::tempdir().unwrap();
@@ -128,7 +130,7 @@ fn one_term_of_a_table_that_does_not_separate_is_said_to_be_far_off() {
     let args = ["factor", table.to_str().unwrap(), "--rank", "1", "--directions-deg", "0,90"];
     let said = report(&args, dir.path());
     let error = said["error"].as_f64().unwrap();
-    // By symmetry both lobes weigh the same; 5 % is for the grid of the curves, which is not the table's.
+    // Both lobes have equal weight by symmetry; 5 % allows for the grid of the curves, which differs from the table's.
     assert!((error / 0.5_f64.sqrt() - 1.0).abs() < 0.05, "{error}: {said}");
     assert!(said["picture_error_point"].as_f64().unwrap() >= error, "{said}");
 }

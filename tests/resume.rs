@@ -1,4 +1,5 @@
-//! Resumed sessions: what they were begun with holds, or is refused by name; damage is seen; events keep their times.
+//! Resumed sessions: the original conditions hold or are rejected with their names, damage is detected, and events keep
+//! their times.
 
 #![allow(clippy::unwrap_used)]
 
@@ -11,7 +12,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
 
-/// Plans that name no angle of the analyser.
+/// Plans without analyser angles.
 const STILL: [&str; 3] = [
     "kind = \"exposures\"\nexposures_ms = [2, 4, 8, 16]\nextras = [\"dark\"]",
     "kind = \"flash\"\nexposures_ms = [2, 4, 8, 16]\nextras = [\"display_black\"]",
@@ -34,7 +35,7 @@ fn frames(session: &Path) -> usize {
     fs::read_dir(session.join("frames")).unwrap().count()
 }
 
-/// An analyser that the plan leaves alone, moved since the session was killed: refused by name until it is back.
+/// An analyser that the plan does not rotate, moved since the session was killed: rejected until it is back.
 #[test]
 fn a_moved_analyser_is_refused_until_it_is_turned_back() {
     for plan in STILL {
@@ -65,7 +66,7 @@ fn a_moved_analyser_is_refused_until_it_is_turned_back() {
     }
 }
 
-/// A complete session: said, and nothing else is done, on no bench at all.
+/// A complete session: reported without opening a bench.
 #[test]
 fn a_complete_session_is_left_alone() {
     let place = Place::new(TURNED);
@@ -77,7 +78,8 @@ fn a_complete_session_is_left_alone() {
     assert!((fs::read(place.path("s/journal")).unwrap(), data(&place.path("s"))) == before);
 }
 
-/// Results that the plan asks for belong to it; where only they are missing, no frame is taken, and no share of no time is said.
+/// Requested results belong to a session. If only they are missing, no frame is captured, and no share of zero time is
+/// printed.
 #[test]
 fn missing_results_are_made() {
     let place = Place::new(&(TURNED.to_owned() + "reconstruct = { operation = \"polarization\" }"));
@@ -90,7 +92,7 @@ fn missing_results_are_made() {
     assert!(nacre(place.resume("s")).expect(0).stdout().contains("complete: 5 frames"));
 }
 
-/// Any value that was changed in what describes session and frames is named by `check`, and refused by a resume.
+/// Any modified value in the descriptions of session and frames is reported by `check`, and rejected on resume.
 #[test]
 fn changed_descriptions_are_named_and_refused() {
     let place = Place::new(TURNED);
@@ -142,7 +144,7 @@ fn changed_descriptions_are_named_and_refused() {
         fs::write(&path, whole).unwrap();
     }
     nacre(["check", &place.text("s")]).expect(0);
-    // As the refusal says: without frames.json it is written anew.
+    // As the message states: without frames.json, it is rewritten.
     let whole = data(&place.path("s"));
     fs::remove_file(place.path("s/frames.json")).unwrap();
     assert!(nacre(["check", &place.text("s")]).expect(1).stdout().contains("frames.json: is missing"));
@@ -163,14 +165,14 @@ fn committed(session: &Path) -> Vec<(String, f64)> {
         .collect()
 }
 
-/// Files and times of the frames that an event stream tells.
+/// Files and times of the frames in an event stream.
 fn told(service: &Service, id: &str) -> Vec<(String, f64)> {
     let stream = service.send("GET", &format!("/api/v1/sessions/{id}/events"), &[], b"").expect(200);
     let frames = events(&stream.body).into_iter().filter(|e| e.1 == "frame");
     frames.map(|e| (e.2["file"].as_str().unwrap().to_owned(), e.2["time"].as_f64().unwrap())).collect()
 }
 
-/// While a session runs, after it was resumed, and after the service was restarted.
+/// While a session runs, after it was resumed, and after a restart of the service.
 #[test]
 fn events_carry_the_times_of_the_journal() {
     let place = Place::with_bench("", BENCH);
@@ -195,13 +197,13 @@ fn events_carry_the_times_of_the_journal() {
     for text in ["begun", "resumed", "finished"] {
         assert!(notes.contains(&(json!(text), true)), "no {text} in {notes:?}");
     }
-    // It lacks nothing.
+    // The journal is complete.
     let journal = fs::read(folder.join("journal")).unwrap();
     assert_eq!(service.post(&format!("{base}/resume"), &json!({})).expect(202).json()["state"], "finished");
     assert_eq!(fs::read(folder.join("journal")).unwrap(), journal);
 }
 
-/// The page lists them with these times, not with that of its own opening.
+/// The page lists events with these times, not with the time of its own loading.
 #[test]
 fn the_page_lists_events_with_the_times_of_the_journal() {
     let Some(browser) = Browser::start() else { return };
@@ -210,7 +212,7 @@ fn the_page_lists_events_with_the_times_of_the_journal() {
     let id = begin(&service, &plan(4, 10.0));
     finished(&service, &id);
     let commits = committed(&place.path(&format!("data/sessions/{id}")));
-    // Another second than that in which the page is opened, and reloaded.
+    // A different second from the one in which the page is opened and reloaded.
     std::thread::sleep(Duration::from_millis(1100));
     for restarted in [false, true] {
         if restarted {
@@ -227,13 +229,13 @@ fn the_page_lists_events_with_the_times_of_the_journal() {
             let row = format!("[...document.querySelectorAll('.log li')].find((l) => l.innerText.includes('{name}'))");
             let [shown, wanted] = [format!("{row}.querySelector('time').textContent"), clock(*time)]
                 .map(|script| browser.run(&format!("return {script}")).as_str().unwrap().to_owned());
-            // Past midnight the date is there as well.
+            // Past midnight, the date is shown, too.
             assert!(shown.ends_with(&wanted), "{name}: {shown}, not {wanted}, restarted: {restarted}");
         }
     }
 }
 
-/// A script for the time of day in the browser's zone.
+/// A script for the time of day in the browser's time zone.
 fn clock(time: f64) -> String {
     format!("new Date(1000 * {time}).toTimeString().slice(0, 8)")
 }

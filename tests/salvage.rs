@@ -1,4 +1,4 @@
-//! Sessions whose journal is damaged: `nacre salvage` keeps what is undamaged, says what is lost, and destroys nothing.
+//! Sessions with a damaged journal: `nacre salvage` recovers undamaged lines, reports losses, and destroys nothing.
 
 #![allow(clippy::unwrap_used)]
 
@@ -19,21 +19,21 @@ const PLAN: &str = r#"
 
 type Lines = Vec<Vec<u8>>;
 
-/// A kind of damage to the lines of a journal, and the losses that must be reported.
+/// Damage to the lines of a journal, and the losses that must be reported.
 struct Damage {
     name: &'static str,
     make: fn(&mut Lines),
-    /// Damaged lines in the report, by number.
+    /// Numbers of damaged lines in the report.
     damaged: &'static [u64],
     lost: u64,
-    /// Frames that the journal does not record any more.
+    /// Frames without a recorded commit.
     unrecorded: &'static [&'static str],
     unverified: &'static [&'static str],
 }
 
 const NONE: Damage = Damage { name: "", make: |_| {}, damaged: &[], lost: 0, unrecorded: &[], unverified: &[] };
 
-/// A commit is an odd line from the fourth; the first is of the extra frame.
+/// Commits are the odd lines from the fourth; the first one is of the extra frame.
 const DAMAGES: [Damage; 13] = [
     Damage { name: "first line", make: |l| l[0][20] ^= 1, damaged: &[1], lost: 1, ..NONE },
     Damage {
@@ -99,7 +99,7 @@ fn lines(place: &Place) -> Lines {
     fs::read(place.path("s/journal")).unwrap().split_inclusive(|b| *b == b'\n').map(<[u8]>::to_vec).collect()
 }
 
-/// `nacre salvage` with memory for little more than itself.
+/// Runs `nacre salvage` with little memory.
 fn salvaged(place: &Place, more: &str) -> Value {
     let script = format!("ulimit -d 65536 && exec \"$0\" --json salvage s {more}");
     let run = Command::new("sh").args(["-c", &script]).arg(binary()).current_dir(place.path("")).output().unwrap();
@@ -126,7 +126,7 @@ fn whatever_the_damage_the_rest_is_kept() {
         let journal = journal.concat();
         fs::write(place.path("s/journal"), &journal).unwrap();
         for args in [vec!["check".into(), place.text("s")], place.resume("s")] {
-            // A damaged last line is taken for one whose writing was cut off.
+            // A damaged last line counts as incompletely written.
             if !name.starts_with("the last line") {
                 let refused = nacre(args).expect(2).stderr();
                 assert!(refused.contains("nacre salvage"), "{name}: {refused}");
@@ -160,7 +160,7 @@ fn whatever_the_damage_the_rest_is_kept() {
     }
 }
 
-/// A session that was stopped before its end goes on; damage that comes later is salvaged too, under another name.
+/// A session stopped before its end can be resumed; later damage is salvaged, too, under another file name.
 #[test]
 fn an_unfinished_session_goes_on_and_each_damaged_journal_is_kept() {
     let place = Place::new(PLAN);
@@ -182,7 +182,7 @@ fn an_unfinished_session_goes_on_and_each_damaged_journal_is_kept() {
     assert!(check.contains("9 of 9 frames are whole") && check.contains("salvaged journal"), "{check}");
 }
 
-/// A changed frame does not verify, whatever the journal's damage.
+/// A modified frame fails verification, whatever the journal's damage.
 #[test]
 fn a_changed_frame_is_named() {
     let place = Place::new(PLAN);
@@ -219,7 +219,7 @@ fn salvage_refuses_what_it_cannot_improve() {
     refused("journal: cannot be read");
 }
 
-/// The service names the remedy, and no path.
+/// The service states the remedy, without a path.
 #[test]
 fn the_service_names_the_remedy() {
     let place = Place::with_bench(PLAN, BENCH);

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::fs;
 use std::time::{Duration, Instant};
 
-/// Near and from the side oblique incidence shows; whether it is taken out is asked for, and said.
+/// At short distance and from the side, oblique incidence is significant; its correction is optional, and reported.
 #[test]
 fn oblique_incidence_is_taken_out_on_request() {
     let near = "camera = { width = 96, height = 96 }\ngeometry = { distance_mm = 300, baseline_mm = 240 }";
@@ -48,13 +48,13 @@ fn a_session_runs_is_watched_and_its_map_is_looked_at() {
     assert_eq!((count("frame"), count("results")), (6, 1), "{all:?}");
     assert!(count("map") >= 1 && all.last().unwrap().2["state"] == "finished", "{all:?}");
     assert!(all.iter().enumerate().all(|(i, e)| e.0 == i as u64 + 1), "numbers without a gap");
-    // Who lost the connection goes on where it broke.
+    // A client that lost the connection continues after its last event.
     let rest = service.send("GET", &format!("{base}/events"), &[&format!("Last-Event-ID: {}", all[4].0)], b"");
     assert_eq!(events(&rest.body), all[5..]);
 
     let session = finished(&service, &id);
     let took = session["timing"]["device_s"].as_f64().unwrap();
-    // Its 10 % are tested in the bench's own time; here a loaded machine takes part.
+    // The 10 % bound is tested with the bench's own time; here, machine load contributes.
     let ratio = estimate["seconds"].as_f64().unwrap() / took;
     assert!((0.5..1.25).contains(&ratio), "{estimate} {took}");
     let frames = service.get(&format!("{base}/frames")).expect(200).json();
@@ -83,7 +83,7 @@ fn a_session_runs_is_watched_and_its_map_is_looked_at() {
     let part = image::load_from_memory(&part).unwrap();
     assert_eq!((part.width(), part.height()), (16, 8));
 
-    // The pixel's fit is the maps', and close to what was measured.
+    // The pixel's fit agrees with the maps and with the measurement.
     let pixel = service.get(&format!("{result}/pixel?x=31&y=20")).expect(200).json();
     assert_eq!((pixel["points"].as_array().unwrap().len(), pixel["fit"].as_array().unwrap().len()), (6, 91));
     let (s1, s2) = (pixel["s1"].as_f64().unwrap(), pixel["s2"].as_f64().unwrap());
@@ -153,7 +153,7 @@ fn stop_stops_within_200_ms_and_devices_are_moved_by_hand() {
         48
     );
 
-    // A jog shows in the very next frame of the preview.
+    // A change of the pattern is visible in the very next frame of the preview.
     service.post("/api/v1/devices/display/show", &disc).expect(200);
     let look = || service.get("/api/v1/devices/camera/preview.png").expect(200).body;
     let before = image::load_from_memory(&look()).unwrap().into_luma8();
@@ -175,8 +175,7 @@ fn stop_stops_within_200_ms_and_devices_are_moved_by_hand() {
     assert_eq!(service.get("/api/v1/devices").json()["display"]["pattern"], "black");
 }
 
-/// STOP reaches what has not begun yet as well: a queued movement never runs, a session that was just asked for never
-/// lights anything.
+/// STOP also applies to pending work: a queued movement never runs, and a session just requested never emits light.
 #[test]
 fn stop_reaches_what_waits() {
     let place = Place::with_bench("", BENCH);

@@ -1,6 +1,7 @@
-//! Sessions one after the other, with faults, stops, kills and full disks at random: no frame is lost, every end is explained, and the service does not grow.
+//! Successive sessions with random faults, stops, kills and full disks: no frame is lost, every end has a reason, and
+//! the service does not grow.
 //!
-//! `NACRE_SESSIONS` says how many (200), `NACRE_SEED` which.
+//! `NACRE_SESSIONS` sets the number of sessions (default 200), `NACRE_SEED` the random seed.
 
 #![allow(clippy::unwrap_used)]
 
@@ -11,28 +12,29 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// A bench that loses no time, since the service waits as long as devices take, with a flash that frames show.
+/// A bench without unnecessary delays, since the service waits for devices, with a flash that is visible in frames.
 const BENCH: &str = "camera = { width = 64, height = 48, readout_ms = 1 }\n\
     stage = { speed_deg_s = 50000, settle_ms = 1 }\n\
     flash = { power = 30000 }\n";
 
-/// Commands to devices in a session, about; faults are spread over them.
+/// Approximate number of device commands per session, over which faults are distributed.
 const COMMANDS: u64 = 60;
 
-/// Commands with which the service begins: it does not start, and says why, where light cannot be switched off then.
+/// Number of commands at the start of the service. If the light cannot be switched off then, it reports that and does
+/// not start.
 const FIRST: u64 = 8;
 
-/// Most tries until a session is complete: no fault lasts longer.
+/// Maximum number of attempts to complete a session, above the duration of any fault.
 const TRIES: usize = 40;
 
-/// Growth of the resident memory that is none, in KiB: caches that fill.
+/// Tolerated growth of resident memory in KiB, for filling caches.
 const GROWTH_KB: u64 = 16 << 10;
 
 fn variable(name: &str, otherwise: u64) -> u64 {
     std::env::var(name).map_or(otherwise, |v| v.parse().unwrap())
 }
 
-/// Numbers at random (splitmix64).
+/// Random numbers (SplitMix64).
 struct Dice(u64);
 
 impl Dice {
@@ -43,7 +45,7 @@ impl Dice {
         (mixed ^ (mixed >> 31)) % most
     }
 
-    /// A bench on which something goes wrong now and then during so many sessions.
+    /// A bench with random faults during this number of sessions.
     fn bench(&mut self, sessions: u64) -> String {
         const FAULTS: [(&str, &str); 13] = [
             ("stage", "stops_short"),
@@ -70,7 +72,7 @@ impl Dice {
     }
 }
 
-/// Files, threads and resident memory in KiB of the service.
+/// Open files, threads and resident memory in KiB of the service.
 fn resources(service: &Service) -> [u64; 3] {
     let folder = |name: &str| fs::read_dir(format!("/proc/{}/{name}", service.pid())).unwrap().count() as u64;
     [folder("fd"), folder("task"), service.memory()]
@@ -78,21 +80,21 @@ fn resources(service: &Service) -> [u64; 3] {
 
 struct Soak {
     place: Place,
-    /// The data folder, as seen from here.
+    /// Data folder, as seen from this process.
     data: PathBuf,
     dice: Dice,
-    /// The data set of an undisturbed session.
+    /// Data set of an undisturbed session.
     whole: Vec<(String, Vec<u8>)>,
-    /// Sessions that a kill interrupted.
+    /// Sessions interrupted by a kill.
     interrupted: Vec<String>,
-    /// Ends by their reasons.
+    /// Number of ends by reason.
     ends: std::collections::BTreeMap<String, usize>,
     complete: u64,
-    /// How often the disk was full.
+    /// Number of times that the disk was full.
     filled: u64,
 }
 
-/// The worst that happens during a session.
+/// Most severe disturbance of a session.
 #[derive(Clone, Copy, PartialEq)]
 enum Worst {
     Stop,
@@ -101,7 +103,8 @@ enum Worst {
 }
 
 impl Soak {
-    /// A session from its begin to its comparison with the undisturbed one. Returns the service, unless it was killed.
+    /// Runs a session from its start to the comparison with the undisturbed one. Returns the service, unless it was
+    /// killed.
     fn session(&mut self, service: Service, worst: Worst) -> Option<Service> {
         let id = begin(&service);
         let base = format!("/api/v1/sessions/{id}");
@@ -110,7 +113,7 @@ impl Soak {
             0 => {
                 wait(&mut self.dice);
                 let stopped = service.post("/api/v1/stop", &json!({}));
-                // A device that a fault keeps from going dark is named.
+                // A device that a fault prevents from going dark is named.
                 let named = ["simulated panel", "switch it off by hand"];
                 assert!(
                     stopped.status == 200 || named.iter().any(|name| stopped.text().contains(name)),
@@ -118,7 +121,7 @@ impl Soak {
                     stopped.text()
                 );
             }
-            // These are refused where the session has ended before.
+            // Rejected if the session has already ended.
             which @ 1..=3 => {
                 wait(&mut self.dice);
                 service.post(&format!("{base}/{}", ["stop", "abort", "pause"][which as usize - 1]), &json!({}));
@@ -144,11 +147,11 @@ impl Soak {
         Some(service)
     }
 
-    /// Goes on with a session until it is complete.
+    /// Resumes a session until it is complete.
     fn finish(&mut self, service: &Service, id: &str) {
         let base = format!("/api/v1/sessions/{id}");
         if service.get(&base).status == 404 {
-            // The service was killed before there was a session.
+            // The service was killed before the session was created.
             assert!(!self.data.join("sessions").join(id).join("session.json").exists(), "{id}");
             return self.finish(service, &begin(service));
         }
@@ -164,13 +167,13 @@ impl Soak {
             }
             let why = session["error"].as_str().unwrap_or_default();
             assert!(!why.is_empty() || session["state"] == "paused", "an end without a reason: {session}");
-            // Device and command, after the file of the frame; or the word for what a person did.
+            // Device and command, after the file of the frame; or the word for a user's action.
             let kind = why.split(": ").skip(1).collect::<Vec<_>>().join(": ");
             let why = if kind.is_empty() { why.to_owned() } else { kind };
             *self.ends.entry(why).or_default() += 1;
             let resumed = service.post(&format!("{base}/resume"), &json!({}));
             if resumed.status == 404 {
-                // Its disk was full before there was a session.
+                // The disk was full before the session was created.
                 assert!(!self.data.join("sessions").join(id).join("session.json").exists(), "{}", resumed.text());
                 return self.finish(service, &begin(service));
             }
@@ -178,7 +181,7 @@ impl Soak {
         }
     }
 
-    /// Its data are those of the undisturbed session; then it is deleted.
+    /// Its data equal those of the undisturbed session; it is then deleted.
     fn compare(&mut self, service: &Service, id: &str) {
         let folder = self.data.join("sessions").join(id);
         let found = data(&folder);
@@ -202,7 +205,7 @@ impl Soak {
     }
 }
 
-/// Begins a session, as soon as a disk that was full a moment ago is known not to be.
+/// Starts a session, once the service has noticed that a previously full disk is free again.
 fn begin(service: &Service) -> String {
     loop {
         let answer = service.post("/api/v1/sessions", &plan());
@@ -213,14 +216,14 @@ fn begin(service: &Service) -> String {
     }
 }
 
-/// Mean value of a frame's pixels; 0 for what is none.
+/// Mean value of a frame's pixels; 0 for other files.
 fn mean_light(bytes: &[u8]) -> f64 {
     let Ok(frame) = image::load_from_memory(bytes).map(|picture| picture.to_luma16()) else { return 0.0 };
     frame.iter().map(|v| f64::from(*v)).sum::<f64>() / frame.len() as f64
 }
 
-/// Whether two frames differ by their noise alone, which the bench draws anew where a fault has cost a frame before them: 3 % of the light in a
-/// pixel, 0.05 % in the mean of 3072.
+/// True if two frames differ by noise alone. The bench draws new noise if a fault has cost an earlier frame: 3 % of the
+/// light in a pixel, 0.05 % in the mean of 3072.
 fn differs_by_noise(one: &[u8], other: &[u8]) -> bool {
     let [one, other] = [one, other].map(|bytes| image::load_from_memory(bytes).map(|picture| picture.to_luma16()));
     let (Ok(one), Ok(other)) = (one, other) else { return false };
@@ -253,7 +256,7 @@ fn sessions_by_the_hundred_lose_no_frame() {
     let id = begin(&service);
     service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "finished" && s["stage"].is_null());
     let whole = data(&place.path("data/sessions").join(&id));
-    // Another angle and other light are no noise.
+    // Another angle and other light are not noise.
     let frames: Vec<_> = whole.iter().filter(|(name, _)| name.ends_with(".png")).collect();
     for (k, (name, one)) in frames.iter().enumerate() {
         let alike = frames[..k].iter().find(|(_, other)| differs_by_noise(one, other));
@@ -264,7 +267,7 @@ fn sessions_by_the_hundred_lose_no_frame() {
     let (data, ends) = (place.path("data"), Default::default());
     let mut soak = Soak { place, data, dice, whole, interrupted: vec![], ends, complete: 0, filled: 0 };
 
-    // Half of them in lives of the service that end by a kill.
+    // Half of the sessions run on services that end by a kill.
     let mut kills = 0;
     while soak.complete < sessions / 2 {
         let mut service = Some(begun(&mut soak, 20, false).0);
@@ -276,7 +279,8 @@ fn sessions_by_the_hundred_lose_no_frame() {
             kills += u64::from(service.is_none());
         }
     }
-    // The others in one life, during which nothing grows, on a disk that is full now and then where one can be mounted.
+    // The others run on one service, whose resources must not grow, on an occasionally full disk where one can be
+    // mounted.
     let (mut service, worst) = begun(&mut soak, sessions / 2, true);
     let mut first = None;
     let begin = soak.complete;
@@ -300,8 +304,8 @@ fn sessions_by_the_hundred_lose_no_frame() {
     assert!(kills > 0 && soak.ends.len() > 5, "{kills} {:?}", soak.ends);
 }
 
-/// A service on a bench with faults during so many sessions, which first completes what was interrupted; on a small disk of its own, if
-/// it is asked for and can be had.
+/// A service on a bench with faults during this number of sessions, which first completes interrupted ones; on a small
+/// private disk, if requested and available.
 fn begun(soak: &mut Soak, sessions: u64, small_disk: bool) -> (Service, Worst) {
     fs::write(soak.place.path("bench.toml"), soak.dice.bench(sessions)).unwrap();
     let disk = if small_disk {

@@ -1,4 +1,5 @@
-//! Orientation and absolute period by fringes, as a user measures them: a plan, the simulated bench, `nacre reconstruct spots`.
+//! Orientation and absolute period from fringes, from a user's point of view: plan, simulated bench, `nacre reconstruct
+//! spots`.
 
 #![allow(clippy::unwrap_used)]
 
@@ -29,7 +30,7 @@ camera = {{ width = 96, height = 96 }}
     )
 }
 
-/// A seed that no run has seen before.
+/// A seed not used by any earlier run.
 fn fresh() -> u64 {
     std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_secs() % 1_000_000_007
 }
@@ -43,7 +44,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// The truth of a bench: what `sim render` writes beside its photographs.
+/// Ground truth of a bench, as written by `sim render`.
 fn truth(bench: &Path, out: &Path) -> ExrMap {
     let args = ["sim", "render", "--bench", bench.to_str().unwrap(), "--out", out.to_str().unwrap(), "--size", "384"];
     nacre(args.into_iter().chain(["--angles-deg", "0,60,120"])).expect(0);
@@ -77,13 +78,13 @@ fn a_mosaic_of_periods_is_measured() {
     let fold =
         |a: f64| (a + std::f64::consts::FRAC_PI_2).rem_euclid(std::f64::consts::PI) - std::f64::consts::FRAC_PI_2;
     let known: Vec<usize> = (0..found.len()).filter(|i| found[*i].is_finite()).collect();
-    // The truth in sixteenths of a pixel: what a pixel mixes is not like the mean of it.
+    // Truth in sixteenths of a pixel, because the response of a mixed pixel does not correspond to the mean.
     let own = |i: usize| (4 * (i / 96) + 2) * 384 + 4 * (i % 96) + 2;
     let off = |i: usize, k: usize| [(found[i] / true_period[k] - 1.0).abs(), fold(turned[i] - true_turn[k]).abs()];
     assert!(known.len() * 10 > found.len() * 6, "seed {seed}: {} of {}", known.len(), found.len());
     let errors = [0, 1].map(|part| median(known.iter().map(|i| off(*i, own(*i))[part]).collect()));
     assert!(errors[0] < 0.01 && errors[1].to_degrees() < 0.5, "seed {seed}: {errors:?}");
-    // Nothing near to the pixel is like it: confidently wrong.
+    // Confidently wrong: the result resembles nothing near the pixel.
     let wrong = known.iter().filter(|i| {
         let span = |at: usize| (4 * at).saturating_sub(8)..(4 * at + 12).min(384);
         span(*i / 96).flat_map(|y| span(*i % 96).map(move |x| y * 384 + x)).all(|k| {
@@ -96,7 +97,8 @@ fn a_mosaic_of_periods_is_measured() {
     for name in ["orientation.png", "period.png", "report.json"] {
         assert!(results.join(name).is_file(), "{name}");
     }
-    // The same by hand; nothing is overwritten unasked; a wrong wavelength scales all periods and says what it took for granted.
+    // The same result from separate commands; existing files are not overwritten. A wrong wavelength scales all periods
+    // and is stated as an assumption.
     let again = path("again");
     let run = |more: &[&str]| {
         let args = ["--json", "reconstruct", "spots", session.to_str().unwrap(), "--out", again.to_str().unwrap()];
@@ -112,7 +114,7 @@ fn a_mosaic_of_periods_is_measured() {
     assert!(both.iter().all(|i| sigma[*i] / longer[*i] > 0.0098), "the wavelength's σ is in that of the periods");
 }
 
-/// Discs tell which of the two gratings that few fringes leave is there.
+/// Discs decide between the two gratings left ambiguous by few fringes.
 #[test]
 fn discs_decide_between_gratings() {
     let seed = fresh();
@@ -146,7 +148,7 @@ fn discs_decide_between_gratings() {
         decided > 0 && pixels(&with, "ambiguous") + decided == pixels(&without, "ambiguous"),
         "seed {seed}: {with}"
     );
-    // Of what they leave next to nothing is wrong, and of what they masked much was.
+    // Almost no remaining pixel is wrong, and many masked ones were.
     let truth = channel(&truth(&path("bench.toml"), &path("truth")), "period");
     let off = |folder: &str| {
         let found = channel(&read_exr(&path(folder).join("period.exr")).unwrap(), "period");
@@ -190,7 +192,8 @@ fn what_is_no_spot_scan_is_refused() {
     assert!(set(both).contains("beside fringes"));
 }
 
-/// Fringes are added until few pixels are undecided, and no more; killed and resumed, the same ones.
+/// Fringes are added until few pixels are undecided, and then no more; after a kill and resume, the same fringes are
+/// used.
 #[test]
 fn fringes_are_added_as_they_are_needed() {
     let seed = fresh();
@@ -213,12 +216,12 @@ fn fringes_are_added_as_they_are_needed() {
         let journal = std::fs::read_to_string(path(session).join("journal")).unwrap();
         journal.lines().map(|l| serde_json::from_str::<Value>(l).unwrap()["entry"].take()).collect()
     };
-    // Nearly all pixels may be undecided: six fringes tell more than that.
+    // Nearly all pixels may be undecided: six fringes suffice.
     plan("until_undecided = 0.9, count = 6");
     let easy = capture("easy").expect(0).json();
     assert_eq!((&easy["ended"]["why"], &easy["ended"]["fringes"]), (&"met".into(), &6.into()), "{easy}");
     assert_eq!(easy["frames"], 1 + 3 + 4 * 6, "{easy}");
-    // Five fringes leave some undecided; what is said of them in the end is what the reconstruction finds.
+    // Five fringes leave some pixels undecided; the final state agrees with the reconstruction.
     plan("until_undecided = 0.0001, count = 5, phases = 3, at_most = 13");
     let hard = capture("hard").expect(0).json();
     let end = &hard["ended"];
@@ -232,7 +235,8 @@ fn fringes_are_added_as_they_are_needed() {
     nacre(["check", &text("hard")]).expect(0);
     let report = nacre(["--json", "reconstruct", "spots", &text("hard"), "--out", &text("maps")]).expect(0).json();
     assert_eq!(report["fringes"], fringes, "{report}");
-    // Killed while it goes on, and with a frame spoiled afterwards, it has the same fringes and the same bytes when resumed.
+    // Killed while it continues, with a frame damaged afterwards, and resumed, it has the same fringes and identical
+    // bytes.
     let whole = data(&path("hard"));
     let resume = || nacre(["capture", "--resume", &text("hard"), "--sim"]);
     std::fs::write(path("hard/frames/0020.png"), b"spoiled").unwrap();

@@ -1,4 +1,5 @@
-//! Whom the service trusts with what: pages of other origins, roles of tokens, keys of requests, and what its answers give away.
+//! Access control of the service: requests from other origins, roles of tokens, keys of requests, and information
+//! disclosed by responses.
 
 #![allow(clippy::unwrap_used)]
 
@@ -44,7 +45,7 @@ fn pages_of_other_origins_change_nothing() {
         }
     }
     assert_eq!(service.get("/api/v1/sessions").expect(200).json()["items"], json!([]));
-    // Our own page, also through a forwarded port and behind a proxy.
+    // Pages of the service itself, also through a forwarded port and behind a proxy.
     for own in [
         [format!("Host: 127.0.0.1:{port}"), format!("Origin: http://127.0.0.1:{port}")],
         ["Host: localhost:9000".to_owned(), "Origin: http://localhost:9000".to_owned()],
@@ -57,7 +58,7 @@ fn pages_of_other_origins_change_nothing() {
     }
 }
 
-/// Every operation, and the least role that may call it.
+/// All operations, with the minimum role.
 const ROLES: &[(&str, &str, &str)] = &[
     ("view", "GET", "/api/v1/about"),
     ("view", "GET", "/api/v1/charts"),
@@ -77,7 +78,7 @@ const ROLES: &[(&str, &str, &str)] = &[
     ("view", "GET", "/api/v1/display"),
     ("operate", "POST", "/api/v1/display/acknowledge"),
     ("operate", "POST", "/api/v1/display/beat"),
-    // It binds the page of the panel.
+    // It binds the panel's page.
     ("operate", "GET", "/api/v1/display/link"),
     ("operate", "POST", "/api/v1/display/pattern"),
     ("view", "GET", "/api/v1/operations"),
@@ -128,7 +129,7 @@ const ROLES: &[(&str, &str, &str)] = &[
     ("operate", "POST", "/api/v1/sessions/{id}/pause"),
     ("operate", "POST", "/api/v1/sessions/{id}/resume"),
     ("operate", "POST", "/api/v1/sessions/{id}/stop"),
-    // Whoever sees danger may stop it.
+    // Anyone who sees danger may stop the bench.
     ("view", "POST", "/api/v1/stop"),
     ("view", "GET", "/api/v1/uploads"),
     ("operate", "POST", "/api/v1/uploads"),
@@ -175,7 +176,7 @@ fn each_operation_needs_its_role() {
     }
 }
 
-/// Sends a request with a key so many times at once.
+/// Sends `times` concurrent requests with a key.
 fn at_once(service: &Service, path: &str, key: &str, body: &Value, times: usize) -> Vec<Answer> {
     let key = format!("Idempotency-Key: {key}");
     let headers = ["Content-Type: application/json", key.as_str()];
@@ -216,7 +217,7 @@ fn a_key_makes_one_thing() {
         assert_eq!(refused["type"], "https://nacre.invalid/problems/reused-key");
         assert!(refused["remedy"].as_str().unwrap().contains("new key"), "{refused}");
     }
-    // The same in other words, and after a restart.
+    // The same content in another spelling, and after a restart.
     let spaced = format!("{{ \"offset_deg\": 0.0,\n \"session\": \"{session}\" }}");
     let headers = ["Content-Type: application/json", "Idempotency-Key: one"];
     let same = service.send("POST", "/api/v1/reconstructions", &headers, spaced.as_bytes()).expect(202).json();
@@ -227,7 +228,7 @@ fn a_key_makes_one_thing() {
     assert_eq!(once(&service, "/api/v1/sessions", &plan(3, 5.0)).expect(202).json()["id"], session.as_str());
     once(&service, "/api/v1/sessions", &plan(4, 5.0)).expect(422);
     assert_eq!(count(&service), (1, 1));
-    // A request that failed is no use of its key, and requests that fail make nothing.
+    // A failed request does not consume its key, and failing requests create nothing.
     let wrong = json!({ "session": session, "model": "none" });
     at_once(&service, "/api/v1/reconstructions", "two", &wrong, 5).into_iter().for_each(|a| _ = a.expect(400));
     assert_eq!(ids(at_once(&service, "/api/v1/reconstructions", "two", &body, 5)).len(), 1);

@@ -1,5 +1,5 @@
-//! Inputs that are no regular files, or larger than any file that is read: refused at once, by name. Outputs that would
-//! destroy an input, or that are no regular files: refused, and the input is as it was.
+//! Special or oversized inputs are rejected at once, by name. Outputs that would overwrite an input, or that are
+//! special files, are rejected, and the input is unchanged.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-/// Kinds of unfit inputs. `folder` comes last: some commands take one.
+/// Kinds of unsuitable inputs. `folder` comes last, because some commands accept one.
 const KINDS: [&str; 4] = ["pipe", "zeros", "sparse", "folder"];
 
-/// Makes an unfit input at a path.
+/// Creates an unsuitable input at a path.
 fn make(kind: &str, at: &Path) {
     match kind {
         "pipe" => assert!(Command::new("mkfifo").arg(at).status().unwrap().success()),
@@ -27,7 +27,8 @@ fn remove(at: &Path) {
     fs::remove_file(at).or_else(|_| fs::remove_dir_all(at)).unwrap();
 }
 
-/// Runs the program in a folder with little memory; one that hangs is killed, and fails the test. Exit code and all that it prints.
+/// Runs the program in a folder with little memory; a hanging one is killed, and fails the test. Returns exit code and
+/// all output.
 fn run(folder: &Path, args: &str) -> (Option<i32>, String) {
     let program = command().0.get_program().to_owned();
     let mut limited = Command::new("sh");
@@ -51,7 +52,7 @@ fn run(folder: &Path, args: &str) -> (Option<i32>, String) {
     (status.code(), fs::read_to_string(told).unwrap())
 }
 
-/// A folder with good inputs of every kind.
+/// A folder with valid inputs of every kind.
 fn place() -> Place {
     let place = Place::with_bench("kind = \"exposures\"\nexposures_ms = [3, 6, 9]\n", BENCH);
     nacre(place.capture("session")).expect(0);
@@ -86,8 +87,7 @@ fn place() -> Place {
     place
 }
 
-/// Commands that read the input UNFIT, and which of [`KINDS`] they refuse because of their kind: a folder is one more
-/// thing that some of them take.
+/// Commands that read the input UNFIT, and the number of [`KINDS`] that they reject, since some accept folders.
 const READERS: [(&str, usize); 53] = [
     ("capture UNFIT --sim --out out", 4),
     ("capture UNFIT --sim --dry-run", 4),
@@ -169,7 +169,7 @@ fn inputs_that_are_no_files_are_refused_by_name() {
     }
 }
 
-/// The files of a session are inputs of whatever goes on with it.
+/// The files of a session are inputs of any command that resumes it.
 #[test]
 fn files_of_sessions_that_are_none_are_refused_by_name() {
     let place = place();
@@ -202,7 +202,7 @@ fn files_of_sessions_that_are_none_are_refused_by_name() {
     nacre(["check", &place.text("session")]).expect(0);
 }
 
-/// Everything in a folder, with its contents.
+/// All files in a folder, with their contents.
 fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = vec![];
     for entry in fs::read_dir(folder).unwrap().flatten() {
@@ -233,7 +233,7 @@ fn no_output_replaces_an_input() {
     .unwrap();
     ok("sim render --sample cd --size 32 --angles-deg 0,45,90 --out series");
     ok("reconstruct polarization series --out maps");
-    // A series with a photograph that has the name of a result.
+    // A series with a photograph named like a result.
     fs::create_dir(place.path("named")).unwrap();
     fs::create_dir(place.path("photos")).unwrap();
     for (k, angle) in [0, 45, 90, 135].iter().enumerate() {
@@ -255,14 +255,14 @@ fn no_output_replaces_an_input() {
         ("brdf map height.exr --size 8 --out link.exr --force", "link.exr"),
         ("brdf map height.exr --size 8 --out same.exr --force", "same.exr"),
         ("brdf map link.exr --size 8 --out height.exr --force", "height.exr"),
-        // The picture goes beside the map.
+        // The picture is written beside the map.
         ("brdf map photo.png --pixel-um 1 --range-um 1 --size 8 --out photo.exr --force", "photo.png"),
         ("brdf heights height.exr --out height.exr --force", "height.exr"),
         ("brdf slice height.exr --out height.exr --force", "height.exr"),
         ("brdf orders --period-um 2 --profile heights.csv --out heights.csv --force", "heights.csv"),
         ("render plain.toml --samples 1 --out plain.toml --force", "plain.toml"),
         ("render plain.toml --samples 1 --keep plain.toml --out other.exr", "plain.toml"),
-        // Not named on the command line, but by the scene.
+        // Named by the scene rather than on the command line.
         ("render textured.toml --samples 1 --out photo.exr --force", "photo.png"),
         ("snap --sim --bench bench.toml --out bench.toml --force", "bench.toml"),
         ("calibrate panel --sim --bench bench.toml --out bench.toml --force", "bench.toml"),
@@ -276,7 +276,7 @@ fn no_output_replaces_an_input() {
         assert!(told.contains(named) && told.contains("is an input of this command"), "{args}: {told}");
         assert!(contents(&folder) == before, "{args} changed something");
     }
-    // Files that a command goes on with are its own, and outputs of before are no inputs.
+    // Files that a command resumes from are its own, and outputs of earlier commands are not inputs.
     ok("render plain.toml --samples 2 --keep state.exr --resume --out kept.exr --force");
     ok("brdf map height.exr --size 8 --out map.exr");
     ok("brdf map height.exr --size 8 --out map.exr --force");

@@ -1,4 +1,4 @@
-//! Series that go on until the orientation is known well enough, and exposures that are merged.
+//! Adaptive series that continue until a required accuracy, and merged exposures.
 
 #![allow(clippy::unwrap_used)]
 
@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Stdio;
 
-/// Wants a σ; the reconstruction is the model by which it is told.
+/// A plan with a required σ; its reconstruction uses the model that determines it.
 fn plan(analyser: &str, more: &str) -> String {
     format!(
         "kind = \"polarization\"\nanalyser = {{ {analyser} }}\nextras = [\"display_black\"]\n{more}
@@ -19,7 +19,7 @@ fn plan(analyser: &str, more: &str) -> String {
 
 const EXPOSED: &str = "camera = { exposure_ms = 20 }";
 
-/// What the journal says of the series: the added angles, and its end.
+/// Additions and end of the series, from the journal.
 fn series(session: &Path) -> (Vec<f64>, Value) {
     let journal = fs::read_to_string(session.join("journal")).unwrap();
     let entries: Vec<Value> =
@@ -39,21 +39,21 @@ fn a_series_ends_when_its_sigma_is_as_wanted() {
     assert!(!chosen.is_empty() && frames == 5 + chosen.len() as u64, "{run}");
     assert!(chosen.iter().all(|a| a.fract() == 0.0 && (0.0..180.0).contains(a)), "{chosen:?}");
     assert_eq!((&end["why"], &run["ended"]), (&json!("met"), &end));
-    // What was said of σ while the frames came is what the reconstruction finds.
+    // The σ reported during the capture agrees with the reconstruction.
     let report: Value = serde_json::from_slice(&fs::read(place.path("s/results/report.json")).unwrap()).unwrap();
     let sigma = report["pixels"]["sigma_p90_deg"].as_f64().unwrap();
     assert!(sigma <= 0.6 && (sigma / end["sigma_deg"].as_f64().unwrap() - 1.0).abs() < 1e-3, "{sigma} {end}");
     let set: Value = serde_json::from_slice(&fs::read(place.path("s/frames.json")).unwrap()).unwrap();
     assert_eq!(set["frames"].as_array().unwrap().len(), 4 + chosen.len());
     assert_eq!(set["frames"][4]["analyser_deg"].as_f64(), Some(chosen[0]));
-    // Frames and time lie within what was estimated.
+    // Frames and time lie within the estimate.
     let device_s = run["timing"]["device_s"].as_f64().unwrap();
     assert_eq!((&range["least"]["frames"], &range["frames"]), (&json!(5), &json!(25)));
     let (least, most) = (range["least"]["seconds"].as_f64().unwrap(), range["seconds"].as_f64().unwrap());
     assert!(0.9 * least < device_s && device_s < 1.1 * most, "{range} {device_s}");
     let check = nacre(["--json", "check", &place.text("s")]).expect(0).json();
     assert_eq!((&check["planned"], &check["ended"]["why"]), (&json!(frames), &json!("met")));
-    // The whole session gives the maps that followed the frames.
+    // Reconstruction of the whole session yields the live maps.
     let whole = ["reconstruct", "polarization", &place.text("s"), "--model", "sinusoid", "--out", &place.text("whole")];
     nacre(whole).expect(0);
     let [live, whole] = ["s/results", "whole"].map(|f| fs::read(place.path(f).join("orientation.exr")).unwrap());
@@ -64,7 +64,7 @@ fn a_series_ends_when_its_sigma_is_as_wanted() {
 fn what_cannot_be_reached_is_said_and_what_was_taken_is_kept() {
     for (wanted, at_most, why, frames, words) in [
         (0.01, 8, "cannot", 4, "at least"),
-        // Missed by less than a fifth, so that it is worth trying.
+        // Missed by less than a fifth, so that further angles are worth trying.
         (0.7, 5, "at_most", 5, "all angles"),
     ] {
         let place = Place::new(&plan(&format!("until_sigma_deg = {wanted}, at_most = {at_most}"), EXPOSED));
@@ -89,7 +89,7 @@ fn a_dry_run_says_what_may_come() {
     assert!(check.stdout().contains("5 to 7 frames"), "{}", check.stdout());
 }
 
-/// Killed before any disk operation and resumed, a series has the same angles and the same bytes.
+/// A series killed before any disk operation and resumed has the same angles and identical bytes.
 #[test]
 fn a_killed_series_goes_on_to_the_same_angles() {
     let more = "exposures_ms = [5, 20]\n";
@@ -112,13 +112,13 @@ fn a_killed_series_goes_on_to_the_same_angles() {
         if status.success() {
             break;
         }
-        // All kinds of operation, at all kinds of place in the series.
+        // All kinds of disk operation, at various positions in the series.
         killed += 3;
     }
     assert!(killed > 60, "{killed}");
 }
 
-/// Frames that are spoiled afterwards are taken again at their angles; the series does not change.
+/// Frames damaged afterwards are captured again at their angles; the series does not change.
 #[test]
 fn spoiled_frames_of_a_series_are_taken_again() {
     let place = Place::new(&plan("until_sigma_deg = 0.6", EXPOSED));
@@ -132,8 +132,8 @@ fn spoiled_frames_of_a_series_are_taken_again() {
     assert!(data(&place.path("s")) == whole && series(&place.path("s")) == before);
 }
 
-/// Exposures at each angle: each frame has its own dark one, they are merged, and σ is better than that of the best of them
-/// alone, and as the fewer angles promise.
+/// Exposures at each angle: each frame has its own dark frame, and they are merged. σ is lower than for the best single
+/// exposure, as predicted for fewer angles.
 #[test]
 fn exposures_at_each_angle_are_merged() {
     let angles = "angles_deg = [0, 30, 60, 90, 120, 150]";
@@ -151,7 +151,7 @@ fn exposures_at_each_angle_are_merged() {
     assert_eq!((&report["brackets"], report["frames"].as_array().unwrap().len()), (&json!(6), 12));
     let set: Value = serde_json::from_slice(&fs::read(place.path("s/frames.json")).unwrap()).unwrap();
     assert_eq!((&set["frames"][1]["dark"], &set["dark"]), (&json!("frames/display_black_01.png"), &Value::Null));
-    // Light of 25 ms in place of 20 ms, and angles weighted by how well each is known, which the plain fit does not do.
+    // 25 ms of light instead of 20 ms, with angles weighted by their accuracy, unlike in the plain fit.
     let gain = one / both;
     assert!((1.1..1.25).contains(&gain), "{one} {both}");
 }

@@ -1,4 +1,4 @@
-//! What is left in the data folder: unfinished results and uploads, uploads that nobody uses, sessions that jobs wait for.
+//! Remains in the data folder: unfinished results and uploads, unused uploads, and sessions needed by pending jobs.
 
 #![allow(clippy::unwrap_used)]
 
@@ -10,7 +10,7 @@ use std::fs;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// The next run with the same result removes what killed ones left, and leaves what a running one uses.
+/// The next run with the same result removes remains of killed ones, but not files of a running one.
 #[test]
 fn the_next_run_sweeps_what_killed_ones_left() {
     let folder = tempfile::tempdir().unwrap();
@@ -27,7 +27,7 @@ fn the_next_run_sweeps_what_killed_ones_left() {
             assert!(begun.elapsed() < NEVER && child.try_wait().unwrap().is_none(), "it never had a partial folder");
             std::thread::sleep(Duration::from_millis(1));
         }
-        // Another one with the same result leaves it alone.
+        // Another run with the same result leaves it alone.
         let used = partial();
         Command::new("kill").args(["-STOP", &child.id().to_string()]).status().unwrap();
         nacre(args).expect(0);
@@ -108,7 +108,7 @@ fn uploads_are_listed_deleted_and_expire() {
     service.send("DELETE", "/api/v1/uploads/..%2fsessions", &[], b"").expect(404);
     assert_eq!(listing(&place.path("data/uploads")), std::slice::from_ref(&used));
 
-    // Uploads of the year 2016: one that nothing uses, and one that a reconstruction does.
+    // Uploads of the year 2016: one unused, and one used by a reconstruction.
     let old = |id: &str| place.path(&format!("data/uploads/{id}"));
     let [forgotten, needed] = ["01ARZ3NDEKTSV4RRFFQ69G5FAV", "01ARZ3NDEKTSV4RRFFQ69G5FAW"];
     [forgotten, needed].iter().for_each(|id| {
@@ -139,7 +139,7 @@ fn a_session_that_a_job_waits_for_stays() {
     assert!(jobs.iter().any(|job| refused.contains(job.as_str().unwrap())), "{refused}");
     for job in &jobs {
         let path = format!("/api/v1/reconstructions/{}", job.as_str().unwrap());
-        // It may be done already.
+        // It may already be done.
         service.post(&format!("{path}/cancel"), &json!({}));
         service.until(&path, |job| !["queued", "running"].contains(&job["state"].as_str().unwrap()));
     }

@@ -1,6 +1,7 @@
-//! Files of earlier versions: all of them are read, and those of later versions are refused by their number.
+//! Files of earlier versions: all are read, and those of later versions are rejected with their number.
 //!
-//! Each folder of `tests/versions` holds files as the program wrote them, or people for it, when that version was the latest.
+//! Each folder of `tests/versions` holds files as written by the program, or by users, when that version was the
+//! latest.
 
 #![allow(clippy::unwrap_used)]
 
@@ -34,7 +35,7 @@ fn versions() -> Vec<Place> {
     folders.map(place).collect()
 }
 
-/// Commands that read one file each, by the file.
+/// Commands that read one file each, by file.
 fn readers(place: &Place) -> Vec<(&'static str, Vec<String>)> {
     let line = |file: &'static str, words: &[&str]| {
         let path = |word: &&str| {
@@ -66,14 +67,14 @@ fn files_of_every_version_are_read() {
             let run = nacre(&args);
             assert_eq!(run.code(), 0, "{file}: {}", run.stderr());
         }
-        // The session's plan asks for results, which its resume has made.
+        // The session's plan requests results, which were computed on resume.
         let report: Value =
             serde_json::from_slice(&fs::read(place.path("session/results/report.json")).unwrap()).unwrap();
         assert_eq!((&report["model"], &report["version"]), (&"sinusoid".into(), &1.into()));
     }
 }
 
-/// Jobs that an earlier version left in the queue are done as they were asked for.
+/// Jobs left in the queue by an earlier version are performed as requested.
 #[test]
 fn jobs_of_every_version_are_done() {
     for place in versions() {

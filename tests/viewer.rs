@@ -1,4 +1,5 @@
-//! Results under a light in headless Chromium: compared, measured, turned, and in a file that opens from disk.
+//! Results under a light in headless Chromium: comparison, measurement, rotation, and export to a file that opens from
+//! disk.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -13,7 +14,7 @@ use std::time::{Duration, Instant};
 
 const VIEW: &str = "document.querySelector('#view').viewer";
 
-/// Software draws each pixel in its own time: a small picture, and all its samples.
+/// Waits for all samples of a small picture, because software rendering is slow.
 fn settle(browser: &Browser) {
     browser.until(VIEW);
     browser.run("for (const c of document.querySelectorAll('canvas.view')) { c.style.minHeight = 0; } \
@@ -28,7 +29,7 @@ fn drawn(browser: &Browser) {
     browser.until(&format!("{VIEW}.painter.count >= {VIEW}.enough()"));
 }
 
-/// What the screen shows of the view.
+/// Screenshot of the view.
 fn screen(browser: &Browser) -> RgbImage {
     let shot = browser.element_shot("#view");
     image::load_from_memory(&shot).unwrap().to_rgb8()
@@ -39,7 +40,7 @@ fn lit(picture: &RgbImage) -> f64 {
     lit as f64 / f64::from(picture.width() * picture.height())
 }
 
-/// Mean difference of a part of two pictures, in levels of 255; columns from a share of the width to another.
+/// Mean difference of parts of two pictures, in levels of 255; columns between fractions of the width.
 fn difference(a: &RgbImage, b: &RgbImage, [from, to]: [f64; 2]) -> f64 {
     assert_eq!(a.dimensions(), b.dimensions());
     let columns = (from * f64::from(a.width())) as u32..(to * f64::from(a.width())) as u32;
@@ -55,7 +56,7 @@ fn errors(browser: &Browser) -> Vec<Value> {
     said.as_array().unwrap().iter().filter(|entry| entry["level"] == "SEVERE").cloned().collect()
 }
 
-/// A click at shares of the view's width and height.
+/// A click at fractions of the view's width and height.
 fn click(browser: &Browser, [x, y]: [f64; 2]) {
     let origin = json!({ "element-6066-11e4-a52e-4f735466cecf": browser.element("#view") });
     let at = |share: f64| (180.0 * (share - 0.5)).round();
@@ -68,7 +69,7 @@ fn click(browser: &Browser, [x, y]: [f64; 2]) {
     browser.call("POST", "/actions", &mouse);
 }
 
-/// A file that the browser downloads, once it is whole.
+/// A file downloaded by the browser, once it is complete.
 fn downloaded(folder: &Path, end: &str) -> std::path::PathBuf {
     let begun = Instant::now();
     loop {
@@ -110,7 +111,7 @@ fn views_are_drawn_by_webgpu_or_webgl2_as_is_wished() {
     let seen = difference(&there, &here, [0.0, 1.0]);
     println!("WebGPU against WebGL2: {mean:.1e} of the brightest, {seen:.3} levels on the screen");
     assert!(lit(&here) > 0.05 && mean < 1e-3 && seen < 0.5, "{mean} {seen}");
-    // The choice of the page leads there as well, and the link says it.
+    // The page's selection has the same effect, and the link contains it.
     browser.choose("view-draw", "webgl2");
     browser.until(&format!("location.hash.includes('draw=webgl2') && {VIEW}.card.way === 'WebGL2'"));
     assert!(errors(&browser).is_empty(), "{:?}", errors(&browser));
@@ -125,7 +126,7 @@ fn results_are_measured_compared_turned_and_kept_in_a_file() {
     let id = begin(&service, &plan(8, 10.0));
     finished(&service, &id);
     service.until(&format!("/api/v1/sessions/{id}"), |s| s["has_results"] == true);
-    // Half a turn of the polarization further: another map, and another picture.
+    // Half a period of the polarization: another map, and another picture.
     let asked = json!({ "session": id, "method": "polarization", "offset_deg": 50 });
     let other = service.post("/api/v1/reconstructions", &asked).expect(202).json()["id"].as_str().unwrap().to_owned();
     service.until(&format!("/api/v1/reconstructions/{other}"), |j| j["state"] == "done");
@@ -135,7 +136,7 @@ fn results_are_measured_compared_turned_and_kept_in_a_file() {
     let alone = screen(&browser);
     assert!(lit(&alone) > 0.05, "{}", lit(&alone));
 
-    // The sheet's edge lies where the picture ends: 100 of 122.8 mm, seen from ahead.
+    // The sheet's edge lies at the picture's border: 100 of 122.8 mm in frontal view.
     browser.run(&format!("{VIEW}.change({{ pan: 0 }}, false)"));
     drawn(&browser);
     let edge = browser
@@ -150,7 +151,7 @@ fn results_are_measured_compared_turned_and_kept_in_a_file() {
     click(&browser, [0.6, 0.5]);
     let said = browser.run("return document.querySelector('#view-measured').textContent");
     println!("ruler: {said}");
-    // 72 by 54 of 180 pixels, each 122.785 / 180 mm: 61.39 mm at 36.87°, rows counted downwards.
+    // 72 by 54 of 180 pixels, each 122.785 / 180 mm: 61.39 mm at 36.87°, with rows counted downwards.
     let words = said.as_str().unwrap();
     let mm: f64 = words.split(' ').next().unwrap().parse().unwrap();
     assert!((mm - 61.39).abs() < 0.3 && words.contains("at 36.9°"), "{words}");
@@ -166,7 +167,7 @@ fn results_are_measured_compared_turned_and_kept_in_a_file() {
     browser.click("#view-ruler");
     the_picture_moves(&browser);
 
-    // Left of the line nothing changes, right of it there is the other map.
+    // Left of the divider nothing changes; right of it is the other map.
     let before = screen(&browser);
     browser.choose("view-with", &other);
     browser.until("!document.querySelector('.comparing').hidden");
@@ -184,7 +185,7 @@ fn results_are_measured_compared_turned_and_kept_in_a_file() {
         { "type": "keyDown", "value": "\u{E010}" }, { "type": "keyUp", "value": "\u{E010}" } ] }] }),
     );
     assert_eq!(browser.run("return document.querySelector('.divider').getAttribute('aria-valuenow')"), "100");
-    // The handle of the line itself covers some of it.
+    // The divider's handle covers a small part.
     assert!(difference(&before, &screen(&browser), [0.0, 0.85]) < 0.5);
     browser.until(&format!("location.hash.includes('with={other}') && location.hash.includes('split=100')"));
     browser.choose("view-with", "");
@@ -209,7 +210,7 @@ fn results_are_measured_compared_turned_and_kept_in_a_file() {
     drawn(&browser);
     assert!(difference(&frames[0], &screen_without_outline(&browser), [0.0, 1.0]) < 0.5);
 
-    // The file opens from disk and shows the same.
+    // The file opens from disk and shows the same view.
     browser.run(&format!("{VIEW}.change({{ pan: 10, azimuth: 70 }}, false)"));
     drawn(&browser);
     let (shown, numbers) = (screen(&browser), picture(&browser));
@@ -220,7 +221,7 @@ fn results_are_measured_compared_turned_and_kept_in_a_file() {
     same_from_disk(&browser, &file, &shown, &numbers);
 }
 
-/// Zoomed in, each edge of the sheet can be brought into view; what is under the pointer stays there.
+/// When zoomed in, each edge of the sheet can be moved into view; the point under the pointer stays in place.
 fn the_picture_moves(browser: &Browser) {
     let state = |key: &str| browser.run(&format!("return {VIEW}.state.{key}")).as_f64().unwrap();
     let origin = json!({ "element-6066-11e4-a52e-4f735466cecf": browser.element("#view") });
@@ -254,14 +255,14 @@ fn the_picture_moves(browser: &Browser) {
     assert!((x + 36.0 * scale).abs() < 0.7 && (y - 18.0 * scale).abs() < 0.7, "{x} {y}");
     assert_eq!((state("pan"), state("tilt")), (0.0, 0.0), "the sample turned as well");
     browser.until("location.hash.includes('x=-2')");
-    // The outline goes with the picture, and the pointer finds what is drawn there.
+    // The outline moves with the picture, and the pointer reads the map drawn there.
     let edge = browser.run("const b = document.querySelector('.over .outline').getBBox(); return [b.x, b.y]");
     let at = |k: usize| edge[k].as_f64().unwrap();
     assert!((at(0) - 16.7 - 36.0).abs() < 1.0 && (at(1) - 16.7 - 18.0).abs() < 1.0, "{edge}");
     keys(&["0"]);
     assert_eq!((state("x"), state("y"), state("zoom")), (0.0, 0.0, 1.0));
 
-    // The corner of the sheet stays under the pointer, up to the closest look.
+    // The corner of the sheet stays under the pointer, up to the maximum zoom.
     for _ in 0..4 {
         wheel([-73, -73], -500);
     }
@@ -272,7 +273,7 @@ fn the_picture_moves(browser: &Browser) {
     let before = state("x");
     keys(&["\u{E009}", "\u{E014}"]);
     assert!(state("x") > before, "Ctrl and an arrow do not move the picture");
-    // No farther than the sheet.
+    // Panning is limited to the sheet.
     keys(&["0"]);
     for _ in 0..9 {
         drag(2, [80, 0]);
@@ -304,7 +305,7 @@ fn picture(browser: &Browser) -> Vec<f64> {
 fn same_from_disk(browser: &Browser, file: &Path, shown: &RgbImage, numbers: &[f64]) {
     browser.open(&format!("file://{}", file.display()));
     browser.until(VIEW);
-    // After the first sample there is something to be seen, not only after the last.
+    // A picture appears after the first sample, not only after the last.
     browser.until(&format!("{VIEW}.painter.count >= 1"));
     let first = screen(browser);
     println!("from disk: {:.3} of the screen lit when the first samples are there", lit(&first));

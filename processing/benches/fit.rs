@@ -1,10 +1,11 @@
-//! The fit's kernels against their floor, the memory: as many bytes per second as they have to move, beside a plain copy.
+//! Memory bandwidth of the fit's kernels, compared with a plain copy.
 //!
-//! Bytes per pixel: with all N frames in memory each is read once and five maps are written, 4 N + 20. The streaming fit
-//! takes two frames at a time and reads them, the pivot and four sums, which it writes again: 8 + 4 + 32. `copy` counts what it reads
-//! and writes. None counts that a processor reads what it is about to write over, which a plain copy can avoid.
+//! Bytes per pixel: with all N frames in memory, each is read once and five maps are written, 4 N + 20. The streaming
+//! fit reads two frames, the pivot and four sums, and writes the sums again: 8 + 4 + 32. `copy` counts bytes read and
+//! written. No count includes the read of a cache line before it is overwritten, which a plain copy can avoid.
 //!
-//! `cargo bench -p nacre-processing --bench fit`. Wall time; on a busy machine the example `speed`, which counts CPU time, tells more.
+//! `cargo bench -p nacre-processing --bench fit` measures wall time. On a busy machine, the example `speed` is more
+//! reliable, because it measures CPU time.
 
 #![allow(clippy::expect_used)]
 
@@ -37,20 +38,20 @@ fn frames(count: usize) -> Vec<Vec<f32>> {
     (0..count).map(|k| (0..PIXELS).map(|i| value(k, i)).collect()).collect()
 }
 
-/// What the bandwidth is: plain slices copied, as many bytes as the frames have.
+/// Reference bandwidth: a copy of plain slices with as many bytes as the frames.
 #[divan::bench(args = THREADS, sample_count = 20)]
 fn copy(bencher: divan::Bencher, threads: usize) {
     let (pool, source) = (pool(threads), frames(FRAMES));
     let mut target = source.clone();
     bencher.counter(BytesCount::new(8 * FRAMES * PIXELS)).bench_local(|| {
         pool.install(|| {
-            // Whole frames, so long that the copy does not read what it writes over.
+            // Whole frames, long enough for stores that bypass the cache.
             target.par_iter_mut().zip(&source).for_each(|(t, s)| t.copy_from_slice(s));
         });
     });
 }
 
-/// All frames in memory to S0, S1, S2, residual and correlation, each pixel solved.
+/// Fits frames in memory: S0, S1, S2, residual and correlation of each pixel.
 #[divan::bench(args = THREADS, sample_count = 20)]
 fn stack_of_13_frames(bencher: divan::Bencher, threads: usize) {
     let (pool, frames, design) = (pool(threads), frames(FRAMES), Design::new(&angles()).expect("good angles"));
@@ -62,7 +63,7 @@ fn stack_of_13_frames(bencher: divan::Bencher, threads: usize) {
         .bench_local(|| pool.install(|| fit_stack(&slices, WIDTH, &design, &mut maps)));
 }
 
-/// Two frames into the sums of the streaming fit.
+/// Adds two frames to the sums of the streaming fit.
 #[divan::bench(args = THREADS, sample_count = 20)]
 fn stream_two_frames(bencher: divan::Bencher, threads: usize) {
     let (pool, frames) = (pool(threads), frames(2));
@@ -72,7 +73,7 @@ fn stream_two_frames(bencher: divan::Bencher, threads: usize) {
     bencher.counter(BytesCount::new(44 * PIXELS)).bench_local(|| pool.install(|| fit.add_several(&[0.2, 0.3], row)));
 }
 
-/// The sums of the streaming fit to maps, in place: 20 bytes per pixel read and written, and the flags.
+/// Converts the sums of the streaming fit to maps in place: 20 bytes per pixel read and written, plus flags.
 #[divan::bench(args = THREADS, sample_count = 5)]
 fn solve(bencher: divan::Bencher, threads: usize) {
     let angles = [0.0, 0.8, 1.6, 2.4];

@@ -1,5 +1,6 @@
-//! Tables of a photograph of 2048² whose background is black, as black subtraction leaves it, and of the same with a little light
-//! there. Black costs no more: there are no subnormal numbers, and no trial of the interpolation where there is nothing.
+//! Lookup tables of a photograph of 2048² with a black background, as after black subtraction, and of the same
+//! photograph with a dim background. Black must cost no more: no subnormal numbers, and no trial interpolation of black
+//! regions.
 
 #![allow(clippy::expect_used)]
 

@@ -1,4 +1,4 @@
-//! What a rigorous solution costs: a 100 nm aluminium foil of 1 µm at 560 nm, TM.
+//! Cost of a rigorous solution: aluminium foil 100 nm deep with a period of 1 µm, at 560 nm, TM.
 
 #![allow(clippy::expect_used)]
 

@@ -1,6 +1,6 @@
-//! Registration of 13 photographs of 12 Mpixel: taking in the windows, finding the shifts, moving a frame back.
+//! Registration of 13 photographs of 12 Mpixel: collecting the windows, finding the shifts, resampling a frame.
 //!
-//! Moving back is the only part that touches every pixel of every frame; `copy` is its floor.
+//! Resampling is the only step that touches every pixel of every frame; `copy` is its lower bound.
 
 #![allow(clippy::expect_used)]
 
@@ -20,7 +20,7 @@ fn angle(k: usize) -> f64 {
     std::f64::consts::PI * k as f64 / FRAMES as f64
 }
 
-/// Soft-edged patches of many orientations, shifted by a wedge of one pixel, under a little noise.
+/// Soft-edged patches of many orientations, shifted by up to one pixel as by a wedge, with slight noise.
 fn frame(k: usize) -> Vec<f32> {
     let (psi, mut plane) = (angle(k), vec![0.0_f32; WIDTH * HEIGHT]);
     let hash = |i: u64| {

@@ -1,5 +1,6 @@
-//! Whether `auto` meets the wanted error and is as fast as the fastest method that does: maps, slices and points of several surfaces, by
-//! every method, in CPU time, the least of several: `cargo run --release --example choose`, or with parts of samples' names.
+//! Tests whether `auto` meets the requested error and is as fast as the fastest sufficient method: maps, slices and
+//! points of several surfaces, by every method. Times are the minimum CPU time of several runs. `cargo run --release
+//! --example choose`, optionally with parts of samples' names.
 
 use nacre_processing::Result;
 use nacre_processing::progress::Silent;
@@ -7,13 +8,13 @@ use nacre_processing::surface::height::{HeightField, Profile, Quality, Shape, Sy
 use nacre_processing::surface::{Choice, Method, Settings, Views, map, name, slice};
 use std::fs;
 
-/// Runs of a method: at least so many, and as many as take this long, in s.
+/// Minimum number of runs per method, and minimum total time of the runs in s.
 const RUNS: usize = 3;
 const LEAST_S: f64 = 0.06;
 
 const METHODS: [Method; 5] = [Method::Auto, Method::Taylor, Method::Chebyshev, Method::Fft, Method::Nmm];
 
-/// What is computed.
+/// Computed product.
 #[derive(Clone, Copy)]
 enum Product {
     Map(usize),
@@ -25,7 +26,7 @@ fn surface(shape: Shape, pixels: usize, pixel_um: f64, [period_um, depth_um]: [f
     Synthetic { shape, pixels, pixel_um, period_um, depth_um, angle: 0.0 }.field()
 }
 
-/// CPU time of all threads in s, to about the scheduler's tick.
+/// CPU time of all threads in s, to about one scheduler tick.
 fn used() -> f64 {
     let tasks = fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let time = |task: fs::DirEntry| -> Option<f64> {
@@ -34,7 +35,7 @@ fn used() -> f64 {
     tasks.filter_map(time).sum::<f64>() * 1e-9
 }
 
-/// The choice; none where the method refuses.
+/// The choice; `None` if the method rejects the task.
 fn run(field: &HeightField, quality: &Quality, settings: &Settings, product: Product) -> Option<Choice> {
     let choice = match product {
         Product::Map(size) => map(field, quality, settings, Views::all(size), &Silent).map(|m| m.choice),
@@ -77,7 +78,7 @@ fn main() -> Result<()> {
         let quality = Quality::of(field, 16.0);
         for (what, product) in products {
             for max_error in [0.1, 0.01, 0.001] {
-                // Method after method, and again, so that what others do on this machine meets them alike.
+                // Methods alternate, so that other load on the machine affects all of them alike.
                 let mut times = METHODS.map(|_| f64::INFINITY);
                 let mut choices = METHODS.map(|_| None);
                 for _ in 0..RUNS {

@@ -13,10 +13,10 @@ const SIGMA: f64 = 5.0;
 const RADIUS: usize = 15;
 const ITERATIONS: usize = 30;
 
-/// Where the results are looked at, in the middle and at the edges.
+/// Positions of compared results, in the centre and at the edges.
 const PLACES: [[usize; 2]; 5] = [[512, 512], [300, 700], [0, 0], [1023, 511], [2, 900]];
 
-/// Lines and dots, as the script has them.
+/// Lines and dots, as in the script.
 fn photograph() -> Vec<f32> {
     let light = |x: f64, y: f64| 0.5 + 0.06 * (0.35 * x + 0.15 * y).sin() + 0.1 * (1e-4 * x * y).cos();
     (0..SIDE * SIDE).map(|i| light((i % SIDE) as f64, (i / SIDE) as f64) as f32).collect()

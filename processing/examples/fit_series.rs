@@ -11,7 +11,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (Some(photographs), Some(out)) = (paths.next(), paths.next()) else {
         return Err("give the folder of frames.json and a new folder for the results".into());
     };
-    // Stokes parameters, angle and degree of linear polarization with σ; Model::Auto fits models of gratings under a film as well.
+    // Stokes parameters, angle and degree of linear polarization with σ. Model::Auto also fits models of gratings below
+    // a film.
     let options = Options { model: Some(Model::Plain), ..Options::default() };
     let report = reconstruct(&photographs, &out, &options, &Silent)?;
     println!("{} x {} pixels", report.width, report.height);

@@ -12,7 +12,7 @@ const SIZE: usize = 1000;
 const SCALE: f64 = 0.002;
 const CENTER: f64 = 499.5;
 
-/// Gaussian orders on a lattice, as the peer has them.
+/// Gaussian orders on a lattice, as in the peer.
 fn light(u: f64, v: f64) -> f64 {
     const PITCH: f64 = 0.085;
     const SIGMA: f64 = 0.004;

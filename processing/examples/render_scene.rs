@@ -7,7 +7,7 @@ use std::path::Path;
 
 #[allow(clippy::print_stdout)]
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // Scenes are TOML files; the gallery has some to start from.
+    // Scenes are TOML files; the gallery contains examples.
     let scenes = std::env::temp_dir().join(format!("nacre-scenes-{}", std::process::id()));
     let folder = OutputFolder::begin(&scenes, false)?;
     gallery_scene(&folder, "cd")?;

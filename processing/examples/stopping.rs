@@ -1,6 +1,6 @@
-//! How near to the best iteration a deconvolution stops by itself, over scenes, blurs, noises, and point spread functions that are
-//! right, too narrow and too wide; and how near it would be, were it told the photograph without its noise and stopped where the
-//! estimate, blurred, is closest to that: `cargo run --release --example stopping`.
+//! Error of automatically stopped deconvolutions relative to the best iteration, over scenes, blurs, noise levels, and
+//! point spread functions of correct, too small and too large width. For comparison, the error of an oracle that stops
+//! where the blurred estimate is closest to the noise-free photograph. `cargo run --release --example stopping`.
 
 use nacre_processing::bokeh::deconvolution::{Deconvolution, Image, Iterations, Method, Noise, Psf, deconvolve};
 use nacre_processing::progress::Silent;
@@ -10,7 +10,7 @@ const MARGIN: usize = 48;
 const ALL: usize = SIDE + 2 * MARGIN;
 const READ_NOISE_E: f64 = 8.0;
 
-/// Iterations that the best one is looked for among.
+/// Number of iterations among which the best one is searched.
 const LONGEST: usize = 250;
 
 /// Uniform in (0, 1), from a hash.
@@ -30,7 +30,7 @@ fn normal(seed: usize, i: usize) -> f64 {
 
 const SCENES: [&str; 8] = ["sinusoid", "blazed", "rectangular", "lattice", "dots", "rough", "highlight", "two periods"];
 
-/// A scene, larger than what is photographed of it.
+/// A scene larger than its photograph.
 fn scene(kind: usize) -> Vec<f64> {
     let period = 9.0 + 15.0 * uniform(50 + kind, 0);
     let (sin, cos) = (180.0 * uniform(50 + kind, 1)).to_radians().sin_cos();
@@ -69,7 +69,7 @@ fn scene(kind: usize) -> Vec<f64> {
     (0..ALL * ALL).map(one).collect()
 }
 
-/// A square of this side blurred with a Gaussian, by the definition.
+/// Blurs a square image of this side with a Gaussian, by direct summation.
 fn blurred(image: &[f64], side: usize, sigma: f64) -> Vec<f64> {
     let reach = (5.0 * sigma).ceil() as i64;
     let taps: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
@@ -92,22 +92,22 @@ fn cropped(image: &[f64]) -> Vec<f64> {
     (0..SIDE * SIDE).map(|i| image[(i / SIDE + MARGIN) * ALL + i % SIDE + MARGIN]).collect()
 }
 
-/// A photograph, and what it was made of.
+/// A photograph and its origin.
 struct Photograph<'a> {
     truth: &'a [f64],
-    /// Blurred, before the noise, and by how much.
+    /// Blurred scene without noise, and the width of the blur.
     soft: &'a [f64],
     sigma: f64,
     light: &'a [f32],
 }
 
-/// Root mean square of a difference.
+/// Root mean square difference.
 fn rms(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (square, count) = pairs.fold((0.0, 0.0), |(sum, n), (a, b)| (sum + (a - b).powi(2), n + 1.0));
     (square / f64::max(count, 1.0)).sqrt()
 }
 
-/// How far what is predicted is from the photograph without its noise, apart from its edges.
+/// Root mean square deviation of the blurred estimate from the noise-free photograph, without edges.
 fn astray(light: &[f32], photograph: &Photograph) -> f64 {
     let estimate: Vec<f64> = light.iter().map(|v| f64::from(*v)).collect();
     let again = blurred(&estimate, SIDE, photograph.sigma);
@@ -116,12 +116,12 @@ fn astray(light: &[f32], photograph: &Photograph) -> f64 {
     rms((0..SIDE * SIDE).filter(inner).map(|i| (again[i], photograph.soft[i])))
 }
 
-/// Where it stopped, and errors over the least error.
+/// Stopping iteration, and errors relative to the minimum error.
 struct Stopped {
     at: usize,
     best_at: usize,
     ratio: f64,
-    /// Of a stop that is told the photograph without its noise.
+    /// Relative error of the oracle that knows the noise-free photograph.
     told: f64,
 }
 

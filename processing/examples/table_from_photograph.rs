@@ -1,5 +1,6 @@
-//! Makes a lookup table of one photograph of a diffraction pattern in light of one wavelength (2017 paper, section 4.3):
-//! `cargo run --release --example table_from_photograph`. The photograph is computed here: orders of a cross grating of 8 µm.
+//! Computes a lookup table from one narrow-band photograph of a diffraction pattern (2017 paper, section 4.3): `cargo
+//! run --release --example table_from_photograph`. The photograph is simulated: orders of a cross grating with a period
+//! of 8 µm.
 
 use nacre_processing::pattern::{Photograph, Settings, Wavelength, lookup};
 
@@ -14,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let middle = 0.5 * (SIZE - 1) as f64;
     let light = (0..SIZE * SIZE).map(|i| {
         let sines = [(i % SIZE) as f64 - middle, (i / SIZE) as f64 - middle].map(|pixels| pixels * SCALE);
-        // Gaussian lobes where the grating equation puts the orders; higher ones are weaker.
+        // Gaussian lobes at the orders of the grating equation; higher orders are weaker.
         let order = sines.map(|s| (s * PERIOD_NM / WAVELENGTH_NM).round());
         let off: f64 = sines.iter().zip(order).map(|(s, m)| (s - m * WAVELENGTH_NM / PERIOD_NM).powi(2)).sum();
         ((-0.5 * off / 0.004_f64.powi(2)).exp() / (1.0 + order[0].powi(2) + order[1].powi(2))) as f32

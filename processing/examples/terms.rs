@@ -1,5 +1,6 @@
-//! CPU time of the transforms of a patch of 2048 × 2048 pixels, half a µm deep, at 1 %, for comparison with
-//! `benches/peers/terms.py`: `cargo run --release --example terms`; with `set` of a set of terms alone.
+//! CPU time of the transforms of a patch of 2048 × 2048 pixels, 0.5 µm deep, with an error of 1 %, for comparison with
+//! `benches/peers/terms.py`. `cargo run --release --example terms` measures slices by each method and a set of terms,
+//! with `set` only the set of terms.
 
 mod cpu;
 
@@ -15,7 +16,7 @@ fn main() -> nacre_processing::Result<()> {
         Synthetic { shape: Shape::Fingers, pixels: 2048, pixel_um: 0.05, period_um: 1.2, depth_um: 0.5, angle: 0.4 };
     let field = surface.field()?;
     let wanted = TermsRequest { extent: 2.0, precision: None };
-    // The least of several, as others use this machine too.
+    // Minimum of several runs, because other programs use the machine, too.
     let mut least = [f64::INFINITY; 2];
     for _ in 0..9 {
         let (cpu, begun) = (used(), Instant::now());
@@ -30,7 +31,8 @@ fn main() -> nacre_processing::Result<()> {
         return Ok(());
     }
     let quality = Quality::of(&field, 65.0);
-    // With the check against direct sums. One direction near to all that 380 to 780 nm and normal incidence reach; densities cost next to nothing.
+    // Includes verification by direct sums. One direction close to the limit for 380 to 780 nm and normal incidence;
+    // densities cost almost nothing.
     for method in [Method::Chebyshev, Method::Fft, Method::Auto] {
         let settings = Settings { method, ..Settings::default() };
         let (cpu, begun) = (used(), Instant::now());

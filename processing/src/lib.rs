@@ -1,14 +1,16 @@
-//! Pure computation of Nacre: photographs in, maps of diffracting surfaces out. Each module is a crate of its own, re-exported here.
+//! Pure computation of Nacre: photographs in, maps of diffracting surfaces out. Each module is a separate crate,
+//! re-exported here.
 //!
-//! No device, no async, no network. Conventions that hold everywhere in these crates:
+//! No device, no async, no network. Conventions of all these crates:
 //!
-//! - Orientation is the direction of the grating vector (across the grooves), in `[0, π)`, anticlockwise from
-//!   image right as the camera sees it, y up. Angles are radians in memory and in EXR maps, degrees in JSON and
-//!   in names that end in `_deg`.
-//! - Images are row-major, row 0 on top, pixel centres at integers.
-//! - Lengths are µm, wavelengths nm, unless a name says otherwise.
+//! - Orientation is the direction of the grating vector (across the grooves), in `[0, π)`, anticlockwise from the right
+//!   of the image as seen by the camera, y up. Angles are radians in memory and in EXR maps, degrees in JSON and in
+//!   names that end in `_deg`.
+//! - Images are row-major, top row first, pixel centres at integers.
+//! - Lengths are µm and wavelengths nm, unless a name states another unit.
 //!
-//! Programs call [`numeric::flush_subnormals`] once at their start, so that dark photographs take no longer than bright ones.
+//! Programs call [`numeric::flush_subnormals`] once at their start, so that dark photographs take no longer than bright
+//! ones.
 
 pub mod operations;
 

@@ -1,6 +1,6 @@
-//! The registry: every operation that command line, service, plans and jobs know.
+//! Registry of all operations available to command line, service, plans and jobs.
 //!
-//! A new operation implements [`Operation`](nacre_base::operation::Operation) for its options, and gets a line here.
+//! A new operation implements [`Operation`](nacre_base::operation::Operation) for its options and is listed here.
 
 use nacre_base::operation::{Entry, Registered};
 use nacre_lut::{bokeh, foil};
@@ -24,7 +24,7 @@ pub const OPERATIONS: &[&dyn Registered] = &[
     &Entry::<foil::SynthesizeOptions>::NEW,
 ];
 
-/// The operation of a name.
+/// The operation with a name.
 pub fn operation(name: &str) -> Option<&'static dyn Registered> {
     OPERATIONS.iter().copied().find(|o| o.name() == name)
 }

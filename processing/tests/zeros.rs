@@ -1,7 +1,8 @@
-//! Exact zeros and constant areas, of which photographs are full once black is subtracted, take no longer than light with noise.
+//! Exact zeros and constant areas, which black subtraction produces, must take no longer than noisy light.
 //!
-//! The test compares CPU times of the same kernel on both, in turn, and repeats the pair until they agree: a busy machine delays it and
-//! does not fail it. Subnormal numbers make these kernels five to a hundred times slower.
+//! The test compares CPU times of the same kernel on both, in turn, and repeats the pair until they agree. A busy
+//! machine therefore delays the test without failing it. Subnormal numbers slow these kernels down by a factor of five
+//! to a hundred.
 
 #![allow(clippy::panic, clippy::unwrap_used, clippy::print_stdout)]
 
@@ -18,13 +19,13 @@ use std::hint::black_box;
 /// Pixels of a row and of a column.
 const SIZE: usize = 512;
 
-/// Most that zeros may cost.
+/// Maximum ratio of times.
 const MOST: f64 = 1.3;
 
-/// Pairs of runs until it counts as a cost.
+/// Maximum number of pairs of runs before the test fails.
 const PAIRS: usize = 60;
 
-/// Kinds of light: noise everywhere, half and 95 % exact zeros in one area, and nothing but one value.
+/// Kinds of light: noise everywhere, half and 95 % exact zeros in one area, and a single value.
 const KINDS: [&str; 4] = ["noise", "half zeros", "95 % zeros", "constant"];
 
 /// Light between 0.5 and 1.5, with noise.
@@ -49,7 +50,7 @@ fn cpu_s() -> f64 {
     time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
-/// Checks that a kernel takes no longer with any kind of light than with noise.
+/// Asserts that a kernel takes no longer for any kind of light than for noise.
 fn compare(name: &str, kernel: &dyn Fn(&[f32])) {
     let inputs = KINDS.map(light);
     let mut least = [f64::INFINITY; KINDS.len()];
@@ -73,7 +74,7 @@ fn compare(name: &str, kernel: &dyn Fn(&[f32])) {
 fn zeros_cost_nothing() {
     flush_subnormals();
     compare("table", &|light| {
-        // A zero order in the middle.
+        // A zero order in the centre.
         let middle = SIZE / 2;
         let spot = |i: usize| {
             let square = (i % SIZE).abs_diff(middle).pow(2) + (i / SIZE).abs_diff(middle).pow(2);

@@ -1,10 +1,10 @@
-//! Scenes by chance, each with light in its lobes.
+//! Random scenes with light in the lobes of each.
 
 use nacre_processing::image::{Attribute, write_exr};
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// Numbers by chance (SplitMix64).
+/// Random numbers (SplitMix64).
 pub struct Chance(pub u64);
 
 impl Chance {
@@ -17,7 +17,7 @@ impl Chance {
     }
 }
 
-/// A material, and the direction and period of a grating in it.
+/// A material, with direction and period of a grating in it.
 #[derive(Clone, Copy)]
 pub struct Material {
     pub name: &'static str,
@@ -26,35 +26,35 @@ pub struct Material {
     pub setting: Setting,
 }
 
-/// What a material is on, and under.
+/// Shape and lighting of a material.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Setting {
     /// A plane under a lamp.
     Plane,
     /// A disc under a lamp.
     Disc,
-    /// Half a cylinder under a lamp, from the outside.
+    /// Half a cylinder under a lamp, seen from outside.
     Outside,
-    /// The same from the inside.
+    /// Half a cylinder under a lamp, seen from inside.
     Inside,
     /// A plane under a sky.
     Sky,
-    /// A cylinder from the outside under a sky.
+    /// A cylinder under a sky, seen from outside.
     OutsideSky,
     /// A sphere under a lamp.
     Sphere,
     /// A sphere under a sky.
     SphereSky,
-    /// A dented sheet of triangles under a lamp.
+    /// A dented triangle mesh under a lamp.
     Mesh,
-    /// The same under a sky.
+    /// A dented triangle mesh under a sky.
     MeshSky,
-    /// A plane under a lamp with an area.
+    /// A plane under an extended lamp.
     Area,
 }
 
 impl Setting {
-    /// Whether light comes from everywhere.
+    /// True for light from all directions.
     pub fn under_a_sky(self) -> bool {
         matches!(self, Self::Sky | Self::OutsideSky | Self::SphereSky | Self::MeshSky)
     }
@@ -106,7 +106,7 @@ pub const MATERIALS: [Material; 27] = [
     Material { name: "slits", text: SLITS, groove: [30.0, 1.5], setting: Setting::Plane },
     Material { name: "slits under a sky", text: SLITS, groove: [30.0, 1.5], setting: Setting::Sky },
     Material { name: "lattice", text: LATTICE, groove: [20.0, 6.0], setting: Setting::Plane },
-    // Where lobes are narrow, their flanks light pixels that nothing else does.
+    // With narrow lobes, pixels are lit only by the lobes' flanks.
     Material { name: "lattice of narrow lobes", text: LATTICE_40, groove: [20.0, 6.0], setting: Setting::Plane },
     Material { name: "height field", text: HEIGHTS, groove: [20.0, 3.2], setting: Setting::Plane },
     Material {
@@ -144,7 +144,7 @@ pub const MATERIALS: [Material; 27] = [
 
 const SINUSOID_3: &str = "type = \"grating\"\ncoherence_um = 10\nrelief = { depth_um = 0.15 }\norientation_deg = 30\nperiod_um = 3\nreflectance = \"aluminium\"";
 
-/// Materials whose sums are too long for software that stands in for a card, which refuses them.
+/// Materials whose sums are too long for software renderers, which reject them.
 pub const LONG: [Material; 5] = [
     Material { name: "sinusoid of 3 µm", text: SINUSOID_3, groove: [30.0, 3.0], setting: Setting::Plane },
     Material { name: "sinusoid of 3 µm under a sky", text: SINUSOID_3, groove: [30.0, 3.0], setting: Setting::Sky },
@@ -163,20 +163,21 @@ pub const LONG: [Material; 5] = [
     Material { name: "maps on a mesh under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::MeshSky },
 ];
 
-/// A vector tilted about x, then turned about y, in degrees.
+/// A vector tilted about x, then panned about y, in degrees.
 pub fn turned([x, y, z]: [f64; 3], tilt: f64, pan: f64) -> [f64; 3] {
     let [(s, c), (t, d)] = [tilt, pan].map(|deg| deg.to_radians().sin_cos());
     let [y, z] = [c * y - s * z, s * y + c * z];
     [t * z + d * x, y, d * z - t * x]
 }
 
-/// A place at an azimuth, an elevation (degrees) and a distance.
+/// Position from azimuth, elevation (degrees) and distance.
 pub fn around(azimuth: f64, elevation: f64, distance: f64) -> [f64; 3] {
     let [(s, c), (t, d)] = [azimuth, elevation].map(|deg| deg.to_radians().sin_cos());
     [distance * d * c, distance * d * s, distance * t]
 }
 
-/// A sample of a material in a picture of so many pixels a side, turned by chance, under a light such that a first order of a visible colour is seen in its middle.
+/// A sample of a material in a picture of `side` pixels, randomly rotated. The light is placed so that a first order of
+/// a visible colour appears in the centre.
 pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     let [tilt, pan] = [(); 2].map(|()| chance.between(-40.0, 40.0));
     let frame = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|v| turned(v, tilt, pan));
@@ -188,7 +189,7 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     let (sin, cos) = angle.to_radians().sin_cos();
     let both = [[1.0, cos, sin], [-1.0, cos, sin]].map(|[s, x, y]| [s * um * x - view[0], s * um * y - view[1]]);
     let length = |p: &[f64; 2]| p[0].hypot(p[1]);
-    // Of the two first orders, the one whose light is higher above the sample.
+    // Of both first orders, the one whose light is higher above the sample.
     let [x, y] = if length(&both[0]) < length(&both[1]) { both[0] } else { both[1] };
     let z = (1.0 - x * x - y * y).max(0.01).sqrt();
     let light = [0, 1, 2].map(|k| 500.0 * (x * u[k] + y * v[k] + z * n[k]));
@@ -201,13 +202,13 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
         Setting::Disc => format!("type = \"disc\"\nnormal = {n:?}\nup = {v:?}\ninner = 15\nouter = 55"),
         Setting::Sphere | Setting::SphereSky => {
             let center = n.map(|c| -60.0 * c);
-            // What faces the camera is far from the poles.
+            // The poles are far from the part that faces the camera.
             format!("type = \"sphere\"\ncenter = {center:?}\naxis = {v:?}\nstart = {n:?}\nradius = 60")
         }
         Setting::Mesh | Setting::MeshSky => {
             format!("type = \"mesh\"\nfile = \"sheet.obj\"\nrotation_deg = [{tilt}, {pan}, 0]")
         }
-        // Its middle is where the plane's is, or opposite.
+        // Its centre is at the plane's position, or opposite.
         Setting::Outside | Setting::Inside | Setting::OutsideSky => {
             let out = if material.setting == Setting::Inside { -1.0 } else { 1.0 };
             let (center, start) = (n.map(|c| -60.0 * out * c), [0, 1, 2].map(|k| out * n[k]));
@@ -228,7 +229,8 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     } else {
         format!("type = \"point\"\nposition = {light:?}\nsigma_mm = {sigma}\nspectrum = \"{spectrum}\"")
     };
-    // Eight pixels along a side see as much each as twelve do, and leave the sheet's edges, which take many samples, out of view.
+    // With eight pixels along a side, each covers as much as with twelve. The sheet's edges, which need many samples,
+    // are out of view.
     let fov = if side == 8 { 14.0 * 8.0 / 12.0 } else { 14.0 };
     let base = if material.name.starts_with("base below") { BELOW } else { BASE };
     format!(
@@ -240,7 +242,7 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     )
 }
 
-/// The files that materials name: maps of squares with a masked one, and a table of blurred orders.
+/// Writes the files of the materials: maps of squares, one of them masked, and a table of blurred orders.
 pub fn files(folder: &Path) {
     const SIDE: usize = 64;
     let square = |x: usize, y: usize| (x / 8 + 3 * (y / 8)) % 11;
@@ -306,7 +308,7 @@ fn sheet(folder: &Path) {
     std::fs::write(folder.join("sheet.obj"), text).unwrap();
 }
 
-/// Waves of 3.2 and 2.13 µm across each other with some of 1.6 µm, 0.3 µm deep.
+/// Crossed waves of 3.2 and 2.13 µm, plus waves of 1.6 µm, 0.3 µm deep.
 fn heights(folder: &Path) {
     const SIDE: usize = 128;
     let attributes = [("units", Attribute::Text("µm".into())), ("pixel_um", Attribute::Number(0.05))];

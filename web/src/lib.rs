@@ -1,6 +1,6 @@
-//! The page of `nacre serve`, embedded in the binary: what is where, and under which content type.
+//! Web page of `nacre serve`, embedded in the binary: paths, contents and content types.
 //!
-//! The page needs nothing from outside. It works under the content security policy in [`POLICY`].
+//! The page loads nothing from other servers. It runs under the content security policy in [`POLICY`].
 
 mod standalone;
 
@@ -14,11 +14,11 @@ pub use standalone::standalone;
 pub struct Asset {
     /// Its content.
     pub bytes: &'static [u8],
-    /// Its content type, for the header of that name.
+    /// Value of the `Content-Type` header.
     pub content_type: &'static str,
 }
 
-/// The `Content-Security-Policy` under which the page works: nothing inline, nothing from elsewhere.
+/// `Content-Security-Policy` of the page: no inline code, no external resources.
 pub const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self'; script-src 'self'; \
                           connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -40,7 +40,7 @@ macro_rules! row {
     };
 }
 
-/// Every path of the page and what it leads to.
+/// All paths of the page and their assets.
 pub const ASSETS: &[(&str, Asset)] = &[
     row!("/", HTML, "index.html"),
     row!("/display", HTML, "display.html"),
@@ -115,25 +115,25 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("wizard.js", SCRIPT),
 ];
 
-/// What is at a path, if anything.
+/// Asset at a path, if any.
 pub fn asset(path: &str) -> Option<Asset> {
     ASSETS.iter().find(|(known, _)| *known == path).map(|(_, asset)| *asset)
 }
 
-/// A document of the page (`/` or `/display`), whose assets have paths with [`version`] in them.
+/// A document of the page (`/` or `/display`), with [`version`] inserted into the paths of its assets.
 pub fn document(path: &str) -> Option<String> {
     let document = asset(path).filter(|asset| asset.content_type == HTML)?;
     let versioned = format!("\"/assets/{}/", version());
     Some(String::from_utf8_lossy(document.bytes).replace("\"/assets/", &versioned))
 }
 
-/// The asset at a path with [`version`] in it. What it leads to never changes, so that browsers may keep it.
+/// Asset at a path that contains [`version`]. Its contents never change, so browsers may cache it indefinitely.
 pub fn versioned(path: &str) -> Option<Asset> {
     let name = path.strip_prefix("/assets/")?.strip_prefix(version())?.strip_prefix('/')?;
     asset(&format!("/assets/{name}"))
 }
 
-/// Sixteen hexadecimal digits that change when any asset changes.
+/// Sixteen hexadecimal digits that change with any asset.
 pub fn version() -> &'static str {
     static VERSION: LazyLock<String> = LazyLock::new(|| {
         let mut hasher = Sha256::new();
@@ -151,7 +151,7 @@ mod tests {
     use super::*;
     use std::collections::BTreeSet;
 
-    /// What stands between `before` and the next quotation mark, everywhere in the text.
+    /// Texts between `before` and the next quotation mark.
     fn quoted<'a>(text: &'a str, before: &str) -> Vec<&'a str> {
         text.split(before).skip(1).filter_map(|rest| rest.split('"').next()).collect()
     }
@@ -191,7 +191,7 @@ mod tests {
             assert!(found.bytes.len() > 100, "{path} is empty");
             named.extend(now.into_iter().chain(later).map(|file| format!("/assets/{file}")));
         }
-        // The file that a view is exported to begins with it.
+        // The first module of an exported view.
         named.insert("/assets/standalone.js".into());
         assert!(named.len() > 25, "only {named:?} were found");
         for path in &named {

@@ -1,4 +1,4 @@
-//! A view as one file that opens from disk: scripts, styles and data inside.
+//! Export of a view as a single HTML file with embedded scripts, styles and data.
 
 use crate::asset;
 use base64::Engine;
@@ -7,7 +7,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io::Write;
 
-/// Scripts of the viewer. A page from disk may load no module files: they are data addresses that an import map names.
+/// Scripts of the viewer. A page opened from disk cannot load module files, so modules are data URLs in an import map.
 const MODULES: [&str; 19] = [
     "card",
     "comparing",
@@ -37,22 +37,22 @@ fn text(name: &str) -> String {
     asset(&format!("/assets/{name}")).map(|a| String::from_utf8_lossy(a.bytes).into_owned()).unwrap_or_default()
 }
 
-/// Text as HTML shows it, also within quotation marks.
+/// Escapes text for HTML, including attribute values.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// A page that shows a view: a title, the bytes of `Prepared` (see the daemon's `view`), and what follows the question mark in the viewer's
-/// own links.
+/// Creates a page that shows a view: title, bytes of `Prepared` (see the daemon's `view`), and query string of the
+/// viewer's links.
 ///
 /// # Errors
-/// None that memory does not have.
+/// None in practice, because it writes to memory.
 pub fn standalone(title: &str, view: &[u8], state: &str) -> std::io::Result<Vec<u8>> {
     let mut packed = GzEncoder::new(vec![], Compression::fast());
     packed.write_all(view)?;
     let data = STANDARD.encode(packed.finish()?);
     let module = |name: &&str| {
-        // Within the map modules have bare names.
+        // Modules have bare names in the import map.
         let source = text(&format!("{name}.js"));
         let source = source.replace("from \"./", "from \"nacre/").replace("import(\"./", "import(\"nacre/");
         format!("\"nacre/{name}.js\": \"data:text/javascript;base64,{}\"", STANDARD.encode(source))

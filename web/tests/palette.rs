@@ -1,5 +1,5 @@
-//! The page's colours of angles are those of the service's pictures: `palette.js` is a table made from `nacre_image::Palette`, and the shader's
-//! function is evaluated by naga and compared with it.
+//! Consistency of the page's angle colours with the service's pictures. `palette.js` is a table generated from
+//! `nacre_image::Palette`; the shader's function is evaluated by naga and compared with it.
 
 use nacre_image::Palette;
 use naga::{Expression, Literal};
@@ -9,9 +9,9 @@ use std::path::Path;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Colours of the table: steps of 0.5°, which differ by less than is seen.
+/// Number of colours in the table: steps of 0.5°, whose differences are invisible.
 const COLORS: usize = 360;
-/// Command that makes the table again.
+/// Command that regenerates the table.
 const UPDATE: &str = "run NACRE_UPDATE=1 cargo test -p nacre-web --test palette";
 
 #[test]
@@ -49,7 +49,7 @@ fn shader_has_the_palette() -> Result<()> {
     Ok(())
 }
 
-/// The result of a function's body for its argument `turns`, its variables made constants, which naga evaluates.
+/// Evaluates a shader function's body at `turns` with naga, after replacing its variables by constants.
 fn evaluated(body: &str, turns: f64) -> Result<[f64; 3]> {
     let body = body.replace("let ", "const ").replace("return ", "const result = ");
     let module = naga::front::wgsl::parse_str(&format!("const turns: f32 = {turns:?};\n{body}"))?;
@@ -67,7 +67,7 @@ fn evaluated(body: &str, turns: f64) -> Result<[f64; 3]> {
     numbers.try_into().map_err(|_| "the result has not three numbers".into())
 }
 
-/// IEC 61966-2-1.
+/// sRGB transfer function (IEC 61966-2-1).
 fn srgb(light: f64) -> f64 {
     if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }

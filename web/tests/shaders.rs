@@ -1,6 +1,6 @@
-//! The page's scripts `shaders.js` (GLSL ES 300 for WebGL2) and `wgsl.js` (WebGPU) hold the shaders of `processing/render/src/gpu`,
-//! with the names of their uniforms and textures. They are kept in the repository, as the translator takes longer to compile
-//! than everything else of the page; this test compares them with a new translation.
+//! Consistency of the page's shaders. `shaders.js` (GLSL ES 300 for WebGL2) and `wgsl.js` (WebGPU) hold the shaders of
+//! `processing/render/src/gpu`, with the names of their uniforms and textures. They are kept in the repository, because
+//! the translator takes longer to compile than the rest of the page. This test compares them with a new translation.
 
 use naga::back::glsl;
 use naga::proc::BoundsCheckPolicies;
@@ -14,11 +14,12 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 const SOURCES: &str = "../processing/render/src/gpu";
 const PAGE: &str = "page";
-/// Command that translates the shaders again.
+/// Command that regenerates the shaders.
 const UPDATE: &str = "run NACRE_UPDATE=1 cargo test -p nacre-web --test shaders";
 
-/// Uniforms that do not change while a scene is shown, and what a browser gives in their place: compilers leave out what they switch off. With all
-/// of it, software takes more than two seconds to compile what then takes less than one.
+/// Uniforms that are constant while a scene is shown, and the constants that replace them in browsers, so that
+/// compilers eliminate unused branches. Software rendering then compiles in less than one second instead of more than
+/// two.
 const SETTLED: [(&str, &str); 4] = [("what.x", "KIND"), ("what.y", "LAMPS"), ("form.x", "FORM"), ("sky_x.w", "SKY")];
 
 #[test]
@@ -44,13 +45,14 @@ fn scripts_of_the_page_hold_the_shaders() -> Result<()> {
     Ok(())
 }
 
-/// Shaders for WebGPU as an object: source, members of the block of uniforms, and bindings of textures. What is settled is left to constants.
+/// Shaders for WebGPU as an object: source, members of the uniform block, and texture bindings. Constant uniforms are
+/// replaced.
 fn direct(source: &str) -> Result<String> {
     let lines = source.lines().map(|line| line.split("//").next().unwrap_or_default().trim());
     let lines: Vec<&str> = lines.filter(|line| !line.is_empty()).collect();
     let constants = |text: String, (uniform, name): &(&str, &str)| text.replace(&format!("scene.{uniform}"), name);
     let short = SETTLED.iter().fold(lines.join("\n"), constants);
-    // As browsers get it, with numbers in place.
+    // As in browsers, with numbers inserted.
     let numbers: String = SETTLED.iter().map(|(_, name)| format!("const {name}: f32 = 1.0;\n")).collect();
     let module = checked(&format!("{numbers}{short}"))?.0;
     let bound = |(_, global): (_, &naga::GlobalVariable)| {
@@ -62,7 +64,7 @@ fn direct(source: &str) -> Result<String> {
     Ok(format!("{{ source: {}, members: {}, textures: [{}] }}", text(&short), members(&module)?, textures.join(", ")))
 }
 
-/// Parsed and found to be right.
+/// Parses and validates a shader.
 fn checked(source: &str) -> Result<(Module, ModuleInfo)> {
     let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
@@ -78,19 +80,19 @@ fn read(names: &[&str]) -> Result<String> {
     Ok(all)
 }
 
-/// A string of JavaScript.
+/// A JavaScript string literal.
 fn text(source: &str) -> String {
     format!("{source:?}")
 }
 
-/// A fragment stage as an object: its source, and what its block of uniforms, their members and its textures are called.
+/// A fragment stage as an object: source, and names of the uniform block, its members and its textures.
 fn stage(source: &str, entry: &str) -> Result<String> {
     let (glsl, textures, block, members) = translated(source, ShaderStage::Fragment, entry)?;
     let source = text(&settled(&glsl));
     Ok(format!("{{ source: {source}, block: {}, members: {members}, textures: {textures} }}", text(&block)))
 }
 
-/// GLSL in which [`SETTLED`] uniforms are constants of the preprocessor.
+/// GLSL with [`SETTLED`] uniforms replaced by preprocessor constants.
 fn settled(glsl: &str) -> String {
     let line = |line: &str| {
         let constant = |(uniform, name): &(&str, &str)| {
@@ -103,7 +105,7 @@ fn settled(glsl: &str) -> String {
     glsl.lines().map(line).collect()
 }
 
-/// GLSL, names of textures, name of the block of uniforms, its members with their sizes in vectors of four.
+/// GLSL, names of textures, name of the uniform block, and its members with their sizes in vec4.
 fn translated(source: &str, shader_stage: ShaderStage, entry: &str) -> Result<(String, String, String, String)> {
     let (module, info) = checked(source)?;
     let version = glsl::Version::new_gles(300);
@@ -126,11 +128,11 @@ fn translated(source: &str, shader_stage: ShaderStage, entry: &str) -> Result<(S
     Ok((branchless(&out)?, textures, block, members(&module)?))
 }
 
-/// GLSL whose `(a ? b : c)` are calls. WGSL's `select` takes no branch, but `?:` is compiled as one: within a loop, SwiftShader takes twice as long for
-/// each that follows another, which came to minutes for slits.
+/// Replaces `(a ? b : c)` in GLSL by calls. WGSL's `select` is branch-free, but `?:` is compiled as a branch. Within a
+/// loop, SwiftShader's compile time doubles with each successive branch, and reached minutes for slits.
 fn branchless(glsl: &str) -> Result<String> {
     let mut text = glsl.to_owned();
-    // The last one has no other between its `?` and its end.
+    // The last one contains no other between its `?` and its end.
     while let Some(at) = text.rfind(" ? ") {
         let open = end(text[..at].char_indices().rev(), ')', '(').ok_or("( is missing")?;
         let close = at + end(text[at..].char_indices(), '(', ')').ok_or(") is missing")?;
@@ -142,7 +144,7 @@ fn branchless(glsl: &str) -> Result<String> {
     Ok(text.replacen(precision, &format!("{precision}{}", picks()), 1))
 }
 
-/// Where a pair of brackets ends of which one is behind already.
+/// Position of the closing bracket, after the opening one.
 fn end(characters: impl Iterator<Item = (usize, char)>, opens: char, closes: char) -> Option<usize> {
     let mut within = 0;
     for (at, character) in characters {
@@ -154,7 +156,7 @@ fn end(characters: impl Iterator<Item = (usize, char)>, opens: char, closes: cha
     None
 }
 
-/// `pick` for all that it may be called with. GLSL ES 300 mixes floating-point numbers alone by a bool.
+/// Overloads of `pick` for all argument types. In GLSL ES 300, `mix` by a bool accepts floating-point numbers only.
 fn picks() -> String {
     let mut all = String::from(
         "bool pick(bool no, bool yes, bool which) { return mix(float(no), float(yes), which) > 0.5; }\n\
@@ -174,7 +176,7 @@ fn picks() -> String {
     all
 }
 
-/// Members of the one block of uniforms: `[["eye", 1], …]`.
+/// Members of the uniform block: `[["eye", 1], …]`.
 fn members(module: &Module) -> Result<String> {
     let (_, block) =
         module.global_variables.iter().find(|(_, g)| g.space == AddressSpace::Uniform).ok_or("no uniforms")?;

@@ -1,25 +1,25 @@
-//! Why a command or a capture failed, and its exit code.
+//! Failures of commands and captures, and their exit codes.
 
 use nacre_base::Error;
 
-/// Why a command did not succeed.
+/// Reason why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// Something in the computation, its input or its output.
+    /// Error of a computation, its input or its output.
     #[error(transparent)]
     Processing(#[from] Error),
-    /// A device.
+    /// Device error.
     #[error(transparent)]
     Device(Box<nacre_drivers::DeviceError>),
-    /// Something in a step of a capture.
+    /// Error in a step of a capture.
     #[error("{step}: {failure}")]
     Step {
-        /// The step, by its file.
+        /// File of the step.
         step: String,
-        /// What failed.
+        /// Underlying failure.
         failure: Box<Failure>,
     },
-    /// Everything ran, but the result misses its stated bound.
+    /// The command completed, but its result misses the stated bound.
     #[error("{0}")]
     Bound(String),
 }
@@ -31,7 +31,7 @@ impl From<nacre_drivers::DeviceError> for Failure {
 }
 
 impl Failure {
-    /// Says in which step of a capture it happened; a wish to stop belongs to none.
+    /// Adds the step of the capture; a cancellation belongs to no step.
     pub fn at(self, step: &str) -> Self {
         match self {
             Self::Processing(Error::Cancelled) => self,
@@ -39,7 +39,7 @@ impl Failure {
         }
     }
 
-    /// The device that is at fault, if one is.
+    /// Device that caused the failure, if any.
     pub fn fault(&self) -> Option<&nacre_drivers::DeviceError> {
         match self {
             Self::Device(error) => Some(error),
@@ -48,7 +48,7 @@ impl Failure {
         }
     }
 
-    /// The exit code of the contract.
+    /// Exit code, as documented.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Processing(Error::Input { .. }) => 2,

@@ -1,6 +1,6 @@
-//! Options as requests and plans name them. Messages of the processing core name flags of the command line.
+//! Names of options in requests and plans. Messages of the processing crates name command-line flags.
 
-/// Flags whose field is not the flag with `_` for `-`.
+/// Flags whose field differs from the flag with `_` for `-`.
 const FIELDS: [(&str, &str); 13] = [
     ("clamp", "clamp_um"),
     ("distance-m", "lens.distance_m"),
@@ -17,7 +17,7 @@ const FIELDS: [(&str, &str); 13] = [
     ("wavelength", "wavelength_nm"),
 ];
 
-/// Renames the flags in a message: `give --size-mm` becomes `give size_mm`. Commands in backticks stay as they are.
+/// Replaces flags in a message by fields: `give --size-mm` becomes `give size_mm`. Commands in backticks are unchanged.
 pub fn fields(message: &str) -> String {
     let outside = |(k, part): (usize, &str)| match k % 2 {
         0 => part.split_inclusive(' ').map(|word| renamed(word).unwrap_or_else(|| word.to_owned())).collect(),
@@ -26,13 +26,13 @@ pub fn fields(message: &str) -> String {
     message.split('`').enumerate().map(outside).collect()
 }
 
-/// The field for a word that is a flag, with the punctuation around it; None for other words.
+/// Field for a word that is a flag, with the surrounding punctuation; `None` for other words.
 fn renamed(word: &str) -> Option<String> {
     let (open, rest) = word.split_once("--").filter(|(open, _)| ["", "(", "\""].contains(open))?;
     let end = rest.find(|c: char| !(c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-')).unwrap_or(rest.len());
     let (flag, after) = rest.split_at(end);
     let whole = flag.starts_with(|c: char| c.is_ascii_lowercase()) && !flag.ends_with('-');
-    // A file may be called anything.
+    // File names may look like flags.
     let ends = after.trim_end().chars().all(|c| ",;:)\"".contains(c));
     let field = FIELDS.iter().find(|(name, _)| *name == flag).map(|(_, field)| (*field).to_owned());
     (whole && ends).then(|| format!("{open}{}{after}", field.unwrap_or_else(|| flag.replace('-', "_"))))

@@ -1,4 +1,4 @@
-//! A capture session from plan to results: what the command line and the demo have in common.
+//! A capture session from plan to results: common code of command line and demo.
 
 use crate::engine::{Control, Engine, Input, Observer, State};
 use crate::failure::Failure;
@@ -16,57 +16,57 @@ use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 use tokio::runtime::Runtime;
 
-/// What a run of a session led to.
+/// Result of a run.
 #[derive(Serialize)]
 pub struct Taken {
-    /// The session's folder.
+    /// Session folder.
     pub session: PathBuf,
-    /// Frames in it.
+    /// Number of frames.
     pub frames: usize,
-    /// Exposure of frames that the plan gives none.
+    /// Exposure in s of frames without a stated one.
     pub exposure_s: f64,
-    /// Stale frames dropped in all.
+    /// Total number of stale frames dropped.
     pub stale_frames_dropped: u64,
-    /// Where the time of this run went.
+    /// Times of this run.
     pub timing: Timing,
-    /// Of which metering.
+    /// Times of metering.
     pub metering: Option<Timing>,
-    /// Folder of the results, if the plan asks for any.
+    /// Folder of the results, if the plan requests any.
     pub results: Option<PathBuf>,
-    /// From the last frame to the finished results.
+    /// Seconds from the last frame to the finished results.
     pub results_after_s: Option<f64>,
-    /// Report of the results, unless another process made them.
+    /// Report of the results, unless another process computed them.
     pub report: Option<Done>,
-    /// How a series that ends by its σ has ended.
+    /// End of an adaptive series.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ended: Option<SeriesEnd>,
 }
 
-/// A bench with somebody who steers.
+/// A bench with its control.
 pub struct Capture<'a> {
-    /// Runs the device calls.
+    /// Runtime of the device calls.
     pub runtime: &'a Runtime,
     /// The bench.
     pub rig: &'a mut Rig,
     /// State of the run.
     pub control: Arc<Control>,
-    /// Told of everything that happens.
+    /// Observer of all events.
     pub observer: &'a dyn Observer,
-    /// Makes the results in another process, from the stored frames; in this one where it is none.
+    /// Computes the results in another process, from the stored frames; `None` for this process.
     pub elsewhere: Option<&'a Elsewhere>,
 }
 
-/// Makes the results of a session in its folder [`RESULTS`].
+/// Computes the results of a session into its folder [`RESULTS`].
 pub type Elsewhere = dyn Fn(&Path, &dyn Progress) -> Result<(), Failure> + Sync;
 
-/// Folder of the results within a session's.
+/// Name of the results folder within a session.
 pub const RESULTS: &str = "results";
 
 impl Capture<'_> {
-    /// Meters if need be, makes the session folder `out`, and takes all frames.
+    /// Meters if necessary, creates the session folder `out`, and captures all frames.
     ///
     /// # Errors
-    /// As [`Engine::run`]; `Input` when the plan asks too much or `out` is there already.
+    /// As [`Engine::run`]; `Input` if the plan exceeds limits or `out` already exists.
     pub fn begin<D: Disk + Send>(&mut self, plan: Plan, out: &Path, disk: D) -> Result<Taken, Failure> {
         self.begin_watch();
         let plan = plan.with_fringes(&self.rig.setup, &self.rig.devices.limits());
@@ -97,15 +97,16 @@ impl Capture<'_> {
         self.take(session, &description, metering)
     }
 
-    /// Whoever begins or resumes a session says that all is well: an interlock that opened before, and is closed, does not count.
+    /// Beginning or resuming a session acknowledges the interlocks: one that opened earlier and is closed does not
+    /// count.
     fn begin_watch(&self) {
         self.runtime.block_on(self.rig.watch.begin_again());
     }
 
-    /// Takes what a session lacks.
+    /// Captures the missing frames of a session.
     ///
     /// # Errors
-    /// As [`Engine::run`]; `Input` when the folder is no session or belongs to other devices.
+    /// As [`Engine::run`]; `Input` if the folder is no session or belongs to other devices.
     pub fn resume<D: Disk + Send>(&mut self, folder: &Path, disk: D) -> Result<Taken, Failure> {
         self.begin_watch();
         let bad = |e: std::io::Error| cannot_resume(folder, &e);
@@ -159,7 +160,7 @@ impl Capture<'_> {
                 (Some(results), Some(report))
             }
             (Some(_), Some(elsewhere)) => {
-                // The memory is for the other process.
+                // Frees memory for the other process.
                 drop(outcome.running);
                 elsewhere(&folder, self.observer)?;
                 (Some(folder.join(RESULTS)), None)
@@ -180,7 +181,7 @@ impl Capture<'_> {
     }
 }
 
-/// Why a folder cannot be resumed.
+/// Reason why a folder cannot be resumed.
 pub fn cannot_resume(folder: &Path, error: &std::io::Error) -> Failure {
     if error.kind() == std::io::ErrorKind::WouldBlock {
         return Error::file(folder, "is being captured by another process", "wait for it or stop it").into();
@@ -195,13 +196,13 @@ pub fn cannot_resume(folder: &Path, error: &std::io::Error) -> Failure {
     Error::file(folder, format!("cannot be resumed: {error}"), remedy).into()
 }
 
-/// Frames of a session that has them all and the results that its plan asks for, so that there is nothing to resume.
+/// Number of frames of a complete session with all requested results; `None` if anything remains to be done.
 pub fn complete(folder: &Path) -> Option<usize> {
-    // A resume names the fault of an incomplete one.
+    // Resuming an incomplete session reports its error.
     session::check(folder).ok().filter(|c| c.is_complete()).map(|c| c.planned)
 }
 
-/// Refuses a plan that asks more than the devices can do. `place` is where the plan came from.
+/// Rejects a plan that exceeds the devices' limits. `place` is the origin of the plan.
 pub fn check_limits(plan: &Plan, place: &Path, limits: &crate::plan::Limits) -> Result<(), Failure> {
     let problems = plan.check_limits(limits);
     if problems.is_empty() {
@@ -210,10 +211,10 @@ pub fn check_limits(plan: &Plan, place: &Path, limits: &crate::plan::Limits) -> 
     Err(Error::file(place, problems.join("; "), "change the plan or the bench").into())
 }
 
-/// Makes the results that a session's plan asks for from its stored frames. Earlier ones are replaced.
+/// Computes the results requested by a session's plan from its stored frames, replacing earlier ones.
 ///
 /// # Errors
-/// `Input` if the folder is no session, or its plan asks for no results; otherwise as the reconstruction answers.
+/// `Input` if the folder is no session, or its plan requests no results; otherwise those of the reconstruction.
 pub fn reconstruct_session(folder: &Path, progress: &dyn Progress) -> Result<(), Error> {
     let bad = |problem: String| Error::file(folder, problem, "give a session whose plan has the key reconstruct");
     let description = SessionFile::read(folder).map_err(|e| bad(format!("cannot be read: {e}")))?;
@@ -221,8 +222,8 @@ pub fn reconstruct_session(folder: &Path, progress: &dyn Progress) -> Result<(),
     results(&planned, None, folder, progress).map(drop)
 }
 
-/// Finishes the reconstruction that followed the frames, or makes it from the whole session; earlier results of the same
-/// session are replaced.
+/// Completes the live reconstruction, or reconstructs the whole session; earlier results of the same session are
+/// replaced.
 fn results(
     order: &PlannedOperation,
     running: Option<Running>,
@@ -243,11 +244,12 @@ fn results(
     Ok((results, done))
 }
 
-/// Lets signals steer a run: SIGINT and SIGTERM, which `interrupted` counts, stop it after the frames in progress and abort it
-/// the second time, SIGUSR1 pauses, SIGUSR2 goes on. Where a person turns the analyser, the first one aborts.
+/// Connects signals to the control of a run. The first SIGINT or SIGTERM (counted by `interrupted`) stops it after the
+/// frames in progress, the second aborts it. SIGUSR1 pauses, SIGUSR2 resumes. If a person rotates the analyser, the
+/// first signal aborts.
 ///
 /// # Errors
-/// The system refuses handlers.
+/// The system refuses signal handlers.
 pub fn steer(runtime: &Runtime, control: &Arc<Control>, interrupted: Stop, by_hand: bool) -> std::io::Result<()> {
     use tokio::signal::unix::{SignalKind, signal};
     let _inside = runtime.enter();
@@ -255,7 +257,7 @@ pub fn steer(runtime: &Runtime, control: &Arc<Control>, interrupted: Stop, by_ha
         let (mut signals, control) = (signal(kind)?, control.clone());
         runtime.spawn(async move {
             while signals.recv().await.is_some() {
-                // A wish that does not fit the state is no wish.
+                // A request that does not fit the state is ignored.
                 let _ = control.send(input);
             }
         });

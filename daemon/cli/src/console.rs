@@ -1,4 +1,4 @@
-//! What a person or a script sees: text or JSON on standard output, progress and errors on standard error.
+//! Terminal output: text or JSON results on standard output, progress and errors on standard error.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nacre_base::Error;
@@ -14,20 +14,20 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Bars appear only when a stage takes longer than this.
+/// A progress bar appears only if a stage takes longer than this.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Output of one command, and its wish to stop.
+/// Output of one command, and the user's requests to stop it.
 pub struct Console {
     json: bool,
-    /// Operations only state time, memory and disk.
+    /// With `--estimate`, operations only predict time, memory and disk space.
     only_estimate: bool,
-    /// How often somebody asked for the end.
+    /// Number of interrupts received.
     interrupted: Arc<AtomicU32>,
     stage: Mutex<Stage>,
-    /// The operation, once it has stated them.
+    /// The running operation, once it has stated its prediction.
     running: Mutex<Option<Running>>,
-    /// A result was printed: then the exit code says that it misses its bound, and no second document follows.
+    /// Set once a result has been printed. A missed bound then only sets the exit code, without a second JSON document.
     answered: AtomicBool,
 }
 
@@ -36,16 +36,16 @@ struct Stage {
     steps: u64,
     done: u64,
     begun: Instant,
-    /// Hidden until the stage has taken a while.
+    /// Hidden until the stage has lasted for `PATIENCE`.
     bar: ProgressBar,
 }
 
 impl Console {
-    /// Catches Ctrl-C and SIGTERM from now on, so that a command can clean up.
+    /// Installs the handler of Ctrl-C and SIGTERM, so that a command can clean up.
     pub fn new(json: bool, only_estimate: bool) -> Self {
         let interrupted = Arc::new(AtomicU32::new(0));
         let count = interrupted.clone();
-        // Fails only when a handler is already set; then the system's default stays, which also ends the program.
+        // Fails only if a handler is already set; the system's default then ends the program.
         let _ = ctrlc::set_handler(move || {
             count.fetch_add(1, Ordering::Relaxed);
         });
@@ -53,7 +53,7 @@ impl Console {
         Self { json, only_estimate, interrupted, stage, running: Mutex::default(), answered: AtomicBool::new(false) }
     }
 
-    /// Prints the operation's estimate if `--estimate` was given; returns whether it did.
+    /// Prints the operation's prediction if `--estimate` was given; returns whether it did.
     pub fn estimated(&self) -> bool {
         let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some(estimate) = running.filter(|_| self.only_estimate).map(|running| running.estimate()) else {
@@ -63,12 +63,12 @@ impl Console {
         true
     }
 
-    /// How often Ctrl-C was pressed or SIGTERM came.
+    /// Number of Ctrl-C presses and SIGTERM signals.
     pub fn interrupted(&self) -> Arc<AtomicU32> {
         self.interrupted.clone()
     }
 
-    /// The command's result: `text` for a person, or `value` as JSON.
+    /// Prints the command's result: `text` for a person, or `value` as JSON.
     pub fn result(&self, text: &str, value: &impl Serialize) {
         self.finish_stage();
         let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -78,11 +78,11 @@ impl Console {
         let json = || serde_json::to_string_pretty(value).unwrap_or_default();
         self.answered.store(true, Ordering::Relaxed);
         let line = if self.json { json() } else { text.trim_end().to_owned() };
-        // A reader that went away (`| head`) is no failure of the command.
+        // A closed pipe (`| head`) is not a failure of the command.
         let _ = writeln!(std::io::stdout().lock(), "{line}");
     }
 
-    /// A note for the person in front of the terminal.
+    /// Prints a note to standard error.
     pub fn note(&self, text: &str) {
         let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         stage.bar.suspend(|| {
@@ -90,14 +90,14 @@ impl Console {
         });
     }
 
-    /// Says in other words what is going on.
+    /// Changes the label of the current stage.
     pub fn relabel(&self, name: &str) {
         let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         name.clone_into(&mut stage.name);
         stage.bar.set_message(name.to_owned());
     }
 
-    /// Why the command failed: for a person, and as JSON if that is asked for.
+    /// Prints the error of a failed command as text, and also as JSON with `--json`.
     pub fn error(&self, failure: Failure) {
         self.finish_stage();
         self.note(&format!("nacre: {failure}"));
@@ -130,7 +130,7 @@ impl Stage {
 impl Progress for Console {
     fn expect(&self, work: &Work) -> Result<(), Error> {
         let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
-        // The first is that of the whole: a part of an operation states its own, too.
+        // Only the first prediction counts: it covers the whole operation, while parts may state their own.
         running.get_or_insert_with(|| Running::begin(work.clone()));
         if self.only_estimate { Err(Error::Cancelled) } else { Ok(()) }
     }
@@ -150,7 +150,7 @@ impl Progress for Console {
         stage.bar.set_position(stage.done);
         if !stage.bar.is_hidden() {
             let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
-            // Without an estimate of the operation, that of its stage.
+            // Remaining time of the stage, used when the operation made no prediction.
             let stage_s = || stage.bar.eta().as_secs_f64();
             let left = running.as_ref().map_or_else(stage_s, Running::remaining_s);
             stage.bar.set_prefix(format!(", about {} left", duration(left)));
@@ -162,18 +162,18 @@ impl Progress for Console {
     }
 }
 
-/// Prints a problem (RFC 9457) with the exit code that it causes.
+/// Prints a problem (RFC 9457) with its exit code.
 pub fn print_problem(problem: &Problem, exit_code: u8) {
     let mut value = serde_json::to_value(problem).unwrap_or_default();
     if let Some(object) = value.as_object_mut() {
-        // There is no HTTP here.
+        // The HTTP status is meaningless on a command line.
         object.remove("status");
         object.insert("exit_code".into(), exit_code.into());
     }
     let _ = writeln!(std::io::stdout().lock(), "{}", serde_json::to_string_pretty(&value).unwrap_or_default());
 }
 
-/// Time, memory and disk in words.
+/// Time, memory and disk space as text.
 fn needs(estimate: &Estimate) -> String {
     let [memory, disk] = [estimate.memory_bytes, estimate.disk_bytes].map(|bytes| bytes as f64 / 1e6);
     format!(
@@ -182,7 +182,7 @@ fn needs(estimate: &Estimate) -> String {
     )
 }
 
-/// A time that is known to two digits or so.
+/// A duration with about two significant digits.
 pub fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 10.0 => format!("{s:.1} s"),

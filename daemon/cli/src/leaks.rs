@@ -1,24 +1,24 @@
-//! A check that a command leaves nothing behind in its own process: no thread, no open file. Tests ask for it with
-//! `NACRE_LEAKS`; release builds do not have it.
+//! A check that a command leaves no thread and no open file in its own process. Tests enable it with `NACRE_LEAKS`;
+//! release builds omit it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// What goes by itself is gone after this.
+/// Time allowed for threads and files to close by themselves.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// What was open before.
+/// Threads and files that were open before the command.
 pub struct Leaks(Option<Open>);
 
-/// How many threads, and which files by descriptor.
+/// Number of threads, and open files by descriptor.
 struct Open {
     threads: usize,
     files: BTreeMap<String, String>,
 }
 
 impl Leaks {
-    /// Notes what is open, after the libraries that keep threads and files for good have opened theirs.
+    /// Records the open threads and files, after libraries with permanent threads and files have started theirs.
     pub fn watch() -> Self {
         if !cfg!(debug_assertions) || std::env::var_os("NACRE_LEAKS").is_none() {
             return Self(None);
@@ -31,7 +31,7 @@ impl Leaks {
         Self(Some(now()))
     }
 
-    /// What is open that was not before, once what ends by itself has ended.
+    /// Threads and files opened since then and still open after `PATIENCE`.
     pub fn found(&self) -> Option<String> {
         let before = self.0.as_ref()?;
         let begun = Instant::now();
@@ -50,7 +50,7 @@ impl Leaks {
     }
 }
 
-/// Names of the threads, without the one that a library keeps for good once it was used.
+/// Names of the threads, without the permanent one of a library.
 fn threads() -> Vec<String> {
     let name = |t: std::fs::DirEntry| std::fs::read_to_string(t.path().join("comm")).ok();
     let names = list("/proc/self/task").filter_map(name).map(|name| name.trim().to_owned());
@@ -64,7 +64,7 @@ fn list(folder: &str) -> impl Iterator<Item = std::fs::DirEntry> {
 fn now() -> Open {
     let file = |entry: std::fs::DirEntry| {
         let target = std::fs::read_link(entry.path()).ok()?;
-        // The listing itself is open too while it is made.
+        // The directory listing itself is open while it is read.
         let own = target.starts_with(Path::new("/proc"));
         (!own).then(|| (entry.file_name().to_string_lossy().into_owned(), target.to_string_lossy().into_owned()))
     };

@@ -13,7 +13,7 @@ use nacre_service::problem::Problem;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// The command line of this process.
+/// Command line of this process.
 #[derive(Parser)]
 #[command(
     name = "nacre",
@@ -21,17 +21,17 @@ use std::process::ExitCode;
     about = "Measures how surfaces diffract light: capture, reconstruction and simulation in one program",
     after_help = "\
 Examples:
-  nacre demo                                            a simulated session, judged
+  nacre demo                                            simulate a session, compare with the truth
   nacre import photos/ --out series                     describe your photographs
   nacre reconstruct polarization series --out result    orientation map from photographs
   nacre sim render --sample cd --out session            simulated photographs only
-  nacre chart all --out charts                          how fast, how exact, where it breaks
+  nacre chart all --out charts                          speed, accuracy, failure limits
 
-Exit codes: 0 done; 1 failed (disk, device, a missed bound); 2 bad usage or bad input;
+Exit codes: 0 success; 1 failure (disk, device, missed error bound); 2 invalid usage or input;
 130 interrupted."
 )]
 struct Cli {
-    /// Print the result as JSON on standard output; everything else goes to standard error.
+    /// Print the result as JSON on standard output; all other output goes to standard error.
     #[arg(long, global = true)]
     json: bool,
     #[command(subcommand)]
@@ -40,81 +40,81 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Simulate a polarization session, reconstruct it and compare with the truth.
+    /// Simulate a polarization session, reconstruct it and compare the result with the truth.
     Demo(commands::demo::Args),
-    /// Take a session's frames as a plan says.
+    /// Capture the frames of a session according to a plan.
     Capture(commands::capture::Args),
-    /// Run the service: REST, events and the page.
+    /// Run the service: REST interface, events and web page.
     Serve(commands::serve::Args),
-    /// Find the devices and write a configuration.
+    /// Detect the devices and write a configuration.
     Init(commands::init::Args),
-    /// Make a token for the service.
+    /// Generate an access token for the service.
     Token(commands::serve::Token),
-    /// What devices there are, and who uses them.
+    /// List devices and the processes that use them.
     Devices(commands::devices::Args),
-    /// Whether this machine is fit for a bench, and what to do if not.
+    /// Check that this machine is ready for a bench, and suggest remedies.
     Doctor(commands::doctor::Args),
-    /// Move the analyser by hand.
+    /// Control the analyser stage manually.
     #[command(subcommand)]
     Stage(commands::manual::Stage),
-    /// Take one picture.
+    /// Capture one picture.
     Snap(commands::manual::Snap),
     /// Switch the flash.
     #[command(subcommand)]
     Flash(commands::manual::FlashCommand),
     /// Show a pattern on the panel until Ctrl-C.
     Show(commands::manual::Show),
-    /// Check plans and estimate what they need.
+    /// Check plans and estimate their time and disk space.
     #[command(subcommand)]
     Plan(commands::plan::PlanCommand),
     /// Verify a session folder.
     Check(commands::check::Args),
-    /// Keep the undamaged lines of a session's damaged journal.
+    /// Recover the undamaged lines of a session's damaged journal.
     Salvage(commands::salvage::Args),
-    /// Find and list session folders.
+    /// Search and list session folders.
     Catalogue(commands::catalogue::Args),
-    /// Turn photographs into maps.
+    /// Reconstruct maps from photographs.
     #[command(subcommand)]
     Reconstruct(commands::reconstruct::Reconstruct),
-    /// From the shape of a surface to the light that it diffracts.
+    /// Compute the diffraction of a surface from its height field.
     #[command(subcommand)]
     Brdf(commands::brdf::Brdf),
-    /// Render a scene: measured and invented surfaces under any light.
+    /// Render a scene of diffracting surfaces under any lighting.
     Render(commands::render::Args),
     /// Factor a lookup table into separable terms for environment lighting.
     Factor(Whole<nacre_render::environment::factor::Options>),
-    /// Edit maps of orientation and period, and exchange them.
+    /// Edit, compare, import and export maps of orientation and period.
     #[command(subcommand)]
     Map(commands::map::MapCommand),
-    /// Draw maps of new foil from a measured distribution of random dots.
+    /// Synthesize maps of new foil from a measured random-dot distribution.
     Synthesize(Whole<nacre_lut::foil::SynthesizeOptions>),
-    /// Measure where camera, sample, panel and light are.
+    /// Calibrate the geometry of camera, sample, panel and light.
     #[command(subcommand)]
     Calibrate(commands::calibrate::Calibrate),
-    /// Say which method suits a sample, from one photograph of it.
+    /// Recommend a reconstruction method from one photograph of the sample.
     Recommend(commands::recommend::Recommend),
-    /// Chart speed against accuracy, and where each method breaks.
+    /// Chart speed, accuracy and failure limits of each method.
     Chart(commands::chart::Args),
-    /// Describe photographs taken elsewhere in a frames.json.
+    /// Describe existing photographs in a frames.json.
     Import(commands::import::Args),
-    /// The simulated bench.
+    /// Run and use the simulated bench.
     #[command(subcommand)]
     Sim(commands::sim::Sim),
     /// Print the JSON Schema of a file format.
     Schema(commands::schema::Args),
-    /// Print what makes a shell complete commands, options and their values.
+    /// Print a shell completion script for commands, options and values.
     Completions(commands::shell::Completions),
-    /// Write manual pages, one for each command.
+    /// Write manual pages, one per command.
     Man(commands::shell::Man),
-    /// Hold a flash and see to it that it goes off; started by other commands.
+    /// Hold a flash and guarantee that it is switched off; started by other commands.
     #[command(hide = true)]
     Guardian(commands::manual::Guardian),
-    /// Do a computation that another process of this program asks for on standard input.
+    /// Run a computation requested by another process of this program on standard input.
     #[command(hide = true, name = nacre_base::contained::COMMAND)]
     Job,
 }
 
-/// Arguments that name what a command writes, or reads and goes on with.
+/// Arguments that name outputs, including those that the command reads to resume.
 const OUTPUTS: [&str; 4] = ["out", "gallery", "keep", "data"];
 
 /// Values of all other arguments: each may be an input.
@@ -127,26 +127,26 @@ fn inputs(command: &clap::Command, matches: &ArgMatches) -> Vec<OsString> {
     ids.flat_map(|id| matches.try_get_raw(id).ok().flatten().into_iter().flatten()).map(OsString::from).collect()
 }
 
-/// Whether the command has the option `--estimate` ([`commands::Estimating`]), and it was given.
+/// True if the command has the option `--estimate` ([`commands::Estimating`]) and it was given.
 fn only_estimate(matches: &ArgMatches) -> bool {
     let given = |matches: &ArgMatches| matches!(matches.try_get_one::<bool>("estimate"), Ok(Some(true)));
     given(matches) || matches.subcommand().is_some_and(|(_, inner)| only_estimate(inner))
 }
 
-/// Features of this build that change what it can do.
+/// Features that extend this build.
 fn features() -> String {
     let all = [("v4l2", cfg!(feature = "v4l2")), ("gpu", cfg!(feature = "gpu")), ("raw", cfg!(feature = "raw"))];
     let built: Vec<&str> = all.iter().filter(|(_, built)| *built).map(|(name, _)| *name).collect();
     if built.is_empty() { "none".into() } else { built.join(", ") }
 }
 
-/// The command line, which says what it was built from.
+/// The clap command, with the build's version, commit and features.
 fn command(commit: &str, target: &str) -> clap::Command {
     let version = env!("CARGO_PKG_VERSION");
     Cli::command().long_version(format!("{version}\ncommit    {commit}\nfeatures  {}\ntarget    {target}", features()))
 }
 
-/// Ends the process with clap's message about the command line (help, version or an error). With `--json` an error is printed as JSON too.
+/// Ends the process with clap's message (help, version or an error). With `--json`, an error is printed as JSON too.
 fn refused(error: &clap::Error) -> ! {
     if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
         console::print_problem(&Problem::bad(error.render().to_string().trim_end()), 2);
@@ -157,7 +157,7 @@ fn refused(error: &clap::Error) -> ! {
 /// Runs the command line of this process, which was built from this commit for this target.
 pub fn main(commit: &str, target: &str) -> ExitCode {
     let mut command = command(commit, target);
-    // In place, so that it has the arguments that are made when they are needed.
+    // Parsed in place, so that the command keeps the arguments that are built on demand.
     let matches = command.try_get_matches_from_mut(std::env::args_os()).unwrap_or_else(|e| refused(&e));
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| refused(&e));
     if let Command::Guardian(args) = &cli.command {

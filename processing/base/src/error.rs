@@ -1,42 +1,42 @@
-//! One error type: what is wrong, with which file or setting, and what to do about it.
+//! Common error type: problem, affected file or setting, and remedy.
 
 use std::path::{Path, PathBuf};
 
-/// Result of everything in this crate that can fail.
+/// Result of all fallible functions of these crates.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Why a computation stopped.
+/// Reason why a computation stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Something the user gave (a file, a setting) cannot be used. Nothing has been written.
+    /// Invalid input: a file or a setting. Nothing has been written.
     #[error("{subject}: {problem}; {remedy}")]
     Input {
-        /// The file or setting, as the user knows it.
+        /// File or setting, in the user's terms.
         subject: String,
-        /// What was found, and what was expected instead.
+        /// Problem, and the expected value.
         problem: String,
-        /// What the user can do.
+        /// Action for the user.
         remedy: String,
     },
-    /// A result could not be written (disk full, permission). What had been written is removed.
+    /// A result could not be written, for instance for lack of disk space or permission. Partial output is removed.
     #[error("{}: cannot write: {source}; {remedy}", path.display())]
     Output {
         /// The file or folder.
         path: PathBuf,
-        /// The system's own answer.
+        /// Error of the system.
         source: std::io::Error,
-        /// What the user can do.
+        /// Action for the user.
         remedy: &'static str,
     },
-    /// The user or the caller asked to stop.
+    /// Cancelled by the user or the caller.
     #[error("interrupted")]
     Cancelled,
 }
 
-/// Remedy for a process or system that has as many files open as it may.
+/// Remedy if a process or the system has too many open files.
 pub const OUT_OF_FILES: &str = "close other programs or raise the limit of open files (ulimit -n), then try again";
 
-/// Whether the system refused because too many files are open, in this process (EMFILE) or altogether (ENFILE).
+/// True if too many files are open, in this process (EMFILE) or in the system (ENFILE).
 pub fn is_out_of_files(error: &std::io::Error) -> bool {
     const ENFILE: i32 = 23;
     const EMFILE: i32 = 24;
@@ -44,17 +44,17 @@ pub fn is_out_of_files(error: &std::io::Error) -> bool {
 }
 
 impl Error {
-    /// Bad input: `subject` (a file or setting), what is wrong with it, what to do.
+    /// Invalid input: `subject` (a file or setting), the problem, and the remedy.
     pub fn input(subject: impl ToString, problem: impl ToString, remedy: impl ToString) -> Self {
         Self::Input { subject: subject.to_string(), problem: problem.to_string(), remedy: remedy.to_string() }
     }
 
-    /// Bad input file.
+    /// Invalid input file.
     pub fn file(path: &Path, problem: impl ToString, remedy: impl ToString) -> Self {
         Self::input(path.display(), problem, remedy)
     }
 
-    /// A failed write, with the remedy that fits the system's answer.
+    /// A failed write, with a remedy chosen by the system's error.
     pub fn output(path: &Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind as K;
         let remedy = match source.kind() {

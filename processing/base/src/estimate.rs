@@ -1,7 +1,7 @@
-//! Time, memory and disk that an operation will take on this machine.
+//! Prediction of the time, memory and disk space of operations on this machine.
 //!
-//! Each operation states its [`Work`] in seconds of a reference machine. A [`Machine`] compares itself with that one by a short
-//! calculation, and learns from every operation that it completes. What it knows is kept in the user's cache folder.
+//! Each operation states its [`Work`] in seconds of a reference machine. A [`Machine`] measures its relative speed by a
+//! short benchmark, and refines it with each completed operation. The results are kept in the user's cache folder.
 
 use crate::{Error, input, json, rewrite};
 use rayon::prelude::*;
@@ -12,46 +12,47 @@ use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Version of the file that a machine's speed is kept in.
+/// Version of the file with a machine's speed.
 const VERSION: u32 = 1;
 
-/// Largest file of that kind that is read.
+/// Maximum size of that file in bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// Seconds of one [`calculation`] where all threads do as many as they can, on the reference machine: two threads of an AMD EPYC, idle, debug build
-/// of 2026-11. Debug builds optimise the crates that compute.
+/// Seconds per [`calculation`] on the reference machine, with all threads busy: two threads of an idle AMD EPYC, debug
+/// build of 2026-11. Debug builds optimise the crates that compute.
 const REFERENCE_S: f64 = 0.0040;
 
-/// Weight of a new measurement against earlier ones.
+/// Weight of a new measurement relative to earlier ones.
 const NEW: f64 = 0.3;
 
-/// Measured times change estimates by at most this factor: a machine that was busy once does not spoil them for good.
+/// Maximum factor by which measured times change estimates, so that a temporarily busy machine does not spoil them
+/// permanently.
 const MOST: f64 = 4.0;
 
-/// Bytes that the program itself takes, with its threads: 36 MB measured for a debug build, rounded up.
+/// Memory of the program itself, including its threads: 36 MB measured for a debug build, rounded up.
 const PROGRAM_BYTES: u64 = 40 << 20;
 
-/// Shorter operations teach nothing: their time is that of starting.
+/// Minimum duration in s of operations that refine the estimate; shorter ones are dominated by start-up.
 const SHORTEST_S: f64 = 0.3;
 
-/// Time, memory and disk of an operation on the reference machine.
+/// Time, memory and disk space of an operation on the reference machine.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Work {
-    /// Its name, under which its speed on a machine is learned.
+    /// Name of the operation, under which its relative speed is stored.
     pub operation: Cow<'static, str>,
     /// Seconds of the reference machine.
     pub seconds: f64,
-    /// Most memory at a time, in bytes, without that of the program itself.
+    /// Peak memory in bytes, without that of the program itself.
     pub memory_bytes: u64,
-    /// Disk that its results take, in bytes.
+    /// Disk space of the results in bytes.
     pub disk_bytes: u64,
-    /// Seconds of this machine that the operation had taken when it stated this, such as those of a trial.
+    /// Seconds on this machine spent before the statement, for instance on a trial.
     #[serde(default)]
     pub taken_s: f64,
 }
 
 impl Work {
-    /// The same after another operation, which shares its memory and leaves nothing on disk.
+    /// Work of this operation after another one that shares its memory and leaves nothing on disk.
     #[must_use]
     pub fn preceded_by(self, other: &Self) -> Self {
         let memory_bytes = self.memory_bytes.max(other.memory_bytes);
@@ -59,32 +60,32 @@ impl Work {
     }
 }
 
-/// Time, memory and disk of an operation on one machine.
+/// Time, memory and disk space of an operation on one machine.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// Time in seconds on a machine that does nothing else; `tests/estimates` measures how close it is.
+    /// Time in seconds on an otherwise idle machine; `tests/estimates` measures its accuracy.
     pub seconds: f64,
-    /// Bound of the memory at a time, that of the program included, in bytes; for calibration, height fields and renderings an estimate, as no
-    /// header says what they need.
+    /// Upper bound of peak memory in bytes, including the program. For calibration, height fields and renderings it is
+    /// an estimate, because their headers do not determine it.
     pub memory_bytes: u64,
-    /// Disk that the results take, in bytes.
+    /// Disk space of the results in bytes.
     pub disk_bytes: u64,
 }
 
-/// How fast a machine is.
+/// Speed of a machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Machine {
     version: u32,
-    /// Build of the program and threads that these figures hold for.
+    /// Build of the program and number of threads to which the speed refers.
     of: String,
-    /// Speed of all threads together over that of the reference machine, by a short calculation.
+    /// Speed of all threads relative to the reference machine, by a short benchmark.
     pub speed: f64,
-    /// Time of each operation over its estimate by `speed`, as learned.
+    /// Measured time of each operation relative to its estimate by `speed`.
     pub learned: BTreeMap<String, f64>,
 }
 
 impl Machine {
-    /// This machine, as known from its file in the cache folder; measured (about 0.1 s) where there is none of this build.
+    /// This machine, from its file in the cache folder. Without a file for this build, it is measured (about 0.1 s).
     pub fn here() -> Self {
         let file = cache_file();
         file.as_deref().and_then(Self::read).unwrap_or_else(|| {
@@ -94,7 +95,7 @@ impl Machine {
         })
     }
 
-    /// This machine, measured now. Nothing is learned yet.
+    /// This machine, measured now, without stored results.
     pub fn measured() -> Self {
         let count = 2 * rayon::current_num_threads();
         let timed = |_| {
@@ -113,12 +114,12 @@ impl Machine {
         (usable && sound(&machine.speed) && machine.learned.values().all(sound)).then_some(machine)
     }
 
-    /// Keeps what is known. Without a folder for it, the machine is measured every time.
+    /// Stores the results. Without a cache folder, the machine is measured every time.
     fn keep(&self, file: Option<&Path>) {
         let Some(file) = file else { return };
         let folder = file.parent().map_or(Ok(()), std::fs::create_dir_all);
         let write = |path: &Path| std::fs::write(path, json(self)).map_err(|e| Error::output(path, e));
-        // Estimates are no reason to fail.
+        // A failure to store estimates must not fail the operation.
         let _ = folder.map(|()| rewrite(file, write));
     }
 
@@ -130,28 +131,28 @@ impl Machine {
         Estimate { seconds: work.taken_s + work.seconds / self.speed * learned, memory_bytes, disk_bytes }
     }
 
-    /// Learns from an operation that took so many seconds, and keeps that.
+    /// Refines the estimate with the measured duration of an operation, and stores it.
     pub fn learn(&mut self, work: &Work, seconds: f64) {
         if self.learned_from(work, seconds) {
             self.keep(cache_file().as_deref());
         }
     }
 
-    /// Learns, if there is anything to be learned.
+    /// Refines the estimate; returns whether the measurement was used.
     fn learned_from(&mut self, work: &Work, seconds: f64) -> bool {
         let expected = work.seconds / self.speed;
         let teaches = seconds.max(expected) >= SHORTEST_S && expected > 0.0 && seconds > 0.0;
         if teaches {
             let found = (seconds / expected).clamp(1.0 / MOST, MOST);
             let before = self.learned.get(&*work.operation).copied().unwrap_or(found);
-            // In logarithms, so that twice as long and half as long cancel.
+            // Geometric mean, so that factors of two and one half cancel.
             self.learned.insert(work.operation.to_string(), before.powf(1.0 - NEW) * found.powf(NEW));
         }
         teaches
     }
 }
 
-/// An operation that has begun, with its estimate.
+/// A running operation with its estimate.
 pub struct Running {
     machine: Machine,
     work: Work,
@@ -160,39 +161,40 @@ pub struct Running {
 }
 
 impl Running {
-    /// Begins now.
+    /// Starts the clock.
     pub fn begin(work: Work) -> Self {
         let machine = Machine::here();
         let expected_s = machine.estimate(&work).seconds - work.taken_s;
         Self { machine, work, begun: Instant::now(), expected_s }
     }
 
-    /// Its estimate.
+    /// Estimate of the operation.
     pub fn estimate(&self) -> Estimate {
         self.machine.estimate(&self.work)
     }
 
-    /// Seconds that are left: they never climb.
+    /// Remaining time in seconds; never increases.
     pub fn remaining_s(&self) -> f64 {
         remaining_s(self.expected_s, self.begun.elapsed().as_secs_f64())
     }
 
-    /// The operation is complete: the machine learns from it.
+    /// Completes the operation and refines the machine's estimate.
     pub fn complete(mut self) {
         self.machine.learn(&self.work, self.begun.elapsed().as_secs_f64());
     }
 }
 
-/// Seconds that are left of an operation of `expected` seconds after `gone` of them. They fall at all times and never reach 0.
+/// Remaining seconds of an operation of `expected` seconds after `gone` seconds. Decreases strictly and never reaches
+/// 0.
 fn remaining_s(expected: f64, gone: f64) -> f64 {
-    /// Where an operation may take longer than expected, the last part of the estimate is stretched.
+    /// Final fraction of the estimate, which is stretched for operations that take longer than expected.
     const LAST: f64 = 0.3;
     let last = LAST * expected;
     let left = expected - gone;
     if left > last { left } else { last * ((left - last) / last.max(f64::MIN_POSITIVE)).exp() }
 }
 
-/// Which program, processor and threads figures hold for.
+/// Program, processor and number of threads to which the speed refers.
 fn build() -> String {
     let kind = if cfg!(debug_assertions) { "debug" } else { "release" };
     format!("nacre {} {kind}, {} threads", env!("CARGO_PKG_VERSION"), rayon::current_num_threads())
@@ -206,7 +208,7 @@ fn cache_file() -> Option<PathBuf> {
     folder.filter(|folder| folder.is_absolute()).map(|folder| folder.join("machine.json"))
 }
 
-/// A calculation of the kind that reconstructions consist of: sums of products over more numbers than the first cache holds.
+/// Benchmark representative of reconstructions: sums of products over more numbers than fit into the first-level cache.
 fn calculation() -> u32 {
     const COUNT: usize = 1 << 18;
     let mut values: Vec<f32> = (0..COUNT).map(|i| (i % 251) as f32).collect();
@@ -250,11 +252,11 @@ mod tests {
             known.learned_from(&work(10.0), 30.0);
         }
         assert!((known.estimate(&work(10.0)).seconds - 30.0).abs() < 0.1);
-        // Other operations are not affected, and a machine that hung for an hour is not believed.
+        // Other operations are unaffected, and an implausible duration of an hour is limited.
         assert_eq!(known.estimate(&Work { operation: "lut".into(), ..work(10.0) }).seconds, 10.0);
         known.learned_from(&work(10.0), 3600.0);
         assert!(known.estimate(&work(10.0)).seconds < 40.0);
-        // Starting takes a while, which says nothing of the operation.
+        // Start-up time does not characterise the operation.
         known.learned_from(&Work { operation: "map".into(), ..work(0.01) }, 0.2);
         assert_eq!(known.learned.len(), 1);
         known.keep(Some(&file));

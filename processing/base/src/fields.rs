@@ -1,4 +1,4 @@
-//! Options of an operation as its JSON Schema describes them, for command lines and forms.
+//! Options of an operation, derived from its JSON Schema, for command lines and forms.
 
 #[cfg(test)]
 mod tests;
@@ -7,67 +7,68 @@ mod text;
 use serde_json::{Map, Value};
 use text::{read, words};
 
-/// Schema key: other names of the flag, a list of strings.
+/// Schema key: list of aliases of the flag.
 pub const ALIASES: &str = "x-aliases";
 
 /// Schema key: placeholder of the value in help, such as `WxH`.
 pub const PLACEHOLDER: &str = "x-placeholder";
 
-/// Schema key: true for an option that names a file. A command line reads the file where the option is an object; a service takes names of
-/// uploaded files.
+/// Schema key: true for an option that names a file. A command line reads the file if the option is an object; a
+/// service accepts names of uploaded files.
 pub const FILE: &str = "x-file";
 
-/// Schema key: the word for an option that is left to the program, such as `auto`.
+/// Schema key: the word that leaves an option to the program, such as `auto`.
 pub const UNSET: &str = "x-unset";
 
-/// Schema key: true for an option that few need.
+/// Schema key: true for an option that is rarely needed.
 pub const ADVANCED: &str = "x-advanced";
 
-/// Schema key of a variant with a value: the value if only its name is given.
+/// Schema key of a variant with a value: the value if only the variant's name is given.
 pub const BARE: &str = "x-bare";
 
-/// Schema key of a variant with a value: true for the one that a value without a name means.
+/// Schema key of a variant with a value: true if a value without a name selects this variant.
 pub const NAMELESS: &str = "x-nameless";
 
-/// Schema key: the flag, where it is not the name of the key.
+/// Schema key: the flag, if it differs from the key's name.
 pub const FLAG: &str = "x-flag";
 
-/// Schema key of a structure: true if flags of its options do not begin with its name.
+/// Schema key of a structure: true if the flags of its options do not begin with its name.
 pub const INLINE: &str = "x-inline";
 
-/// Schema key of variants with values: true if each has flags of its own, such as `--psf-sigma` for `{"psf": {"sigma": 2}}`.
+/// Schema key of variants with values: true if each has a separate flag, such as `--psf-sigma` for `{"psf": {"sigma":
+/// 2}}`.
 pub const EXPAND: &str = "x-expand";
 
 /// Schema key of a structure: true if its values are given as a list, in the order of its keys.
 pub const LIST: &str = "x-list";
 
-/// Schema key of a list: true if values left out at its end are those of the default.
+/// Schema key of a list: true if values omitted at its end take those of the default.
 pub const SHORT: &str = "x-short";
 
-/// Schema key: the variant that a CSV file means, whose rows are numbers.
+/// Schema key: the variant selected by a CSV file, whose rows are numbers.
 pub const TABLE: &str = "x-table";
 
-/// Schema key (of JSON Schema) for words beside file names, such as the built-in illuminants.
+/// Schema key (of JSON Schema) for accepted words besides file names, such as built-in illuminants.
 pub const EXAMPLE_WORDS: &str = "examples";
 
 /// Schema key of all options: description of the input.
 pub const INPUT: &str = "x-input";
 
-/// Schema key of all options: example command lines, and the files that the operation writes.
+/// Schema key of all options: example command lines, and the output files of the operation.
 pub const EXAMPLES: &str = "x-examples";
 
 /// An option.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
-    /// Keys that lead to it; more than one within nested structures.
+    /// Keys that lead to the option; more than one within nested structures.
     pub path: Vec<String>,
-    /// Its schema without references, and without `null` as a type.
+    /// Schema of the option without references, and without `null` as a type.
     pub schema: Map<String, Value>,
-    /// Whether it must be given.
+    /// True if the option must be given.
     pub required: bool,
-    /// Leading keys that are no part of its name.
+    /// Number of leading keys that are omitted from its name.
     unnamed: usize,
-    /// Of an option of one variant among several: the number of leading keys up to the variant's name.
+    /// For an option of one variant: the number of leading keys up to the variant's name.
     pub variant: Option<usize>,
 }
 
@@ -94,13 +95,13 @@ impl Fields {
         &self.root
     }
 
-    /// A text of the whole, such as [`EXAMPLES`]; empty where there is none.
+    /// A text of the whole schema, such as [`EXAMPLES`]; empty if missing.
     pub fn text(&self, key: &str) -> &str {
         self.root[key].as_str().unwrap_or_default()
     }
 }
 
-/// Place of a structure among the options.
+/// Position of a structure among the options.
 #[derive(Clone, Default)]
 struct Place {
     path: Vec<String>,
@@ -116,7 +117,8 @@ impl Place {
     }
 }
 
-/// Options of a structure; those of structures and variants in it that are no file follow in its place.
+/// Collects the options of a structure. Nested structures and variants that are not read from a file are replaced by
+/// their options.
 fn collect(root: &Value, structure: &Map<String, Value>, at: &Place, list: &mut Vec<Field>) {
     let required = structure.get("required").and_then(Value::as_array);
     for (key, property) in structure.get("properties").and_then(Value::as_object).into_iter().flatten() {
@@ -125,7 +127,7 @@ fn collect(root: &Value, structure: &Map<String, Value>, at: &Place, list: &mut 
     }
 }
 
-/// One option, or those that it holds.
+/// Collects one option, or the options nested in it.
 fn option(root: &Value, mut schema: Map<String, Value>, mut at: Place, required: bool, list: &mut Vec<Field>) {
     at.advanced |= is_set(&schema, ADVANCED);
     if is_set(&schema, INLINE) {
@@ -158,7 +160,7 @@ fn is_set(schema: &Map<String, Value>, key: &str) -> bool {
     schema.get(key) == Some(&Value::Bool(true))
 }
 
-/// A schema with its references replaced, and without `null`. What stands beside a reference wins.
+/// Schema with references resolved and without `null`. Keys beside a reference take precedence.
 fn resolved(root: &Value, schema: &Value) -> Map<String, Value> {
     let mut schema = schema.as_object().cloned().unwrap_or_default();
     if let Some(Value::String(name)) = schema.remove("$ref") {
@@ -191,18 +193,18 @@ fn merge(schema: &mut Map<String, Value>, other: Map<String, Value>) {
 }
 
 impl Field {
-    /// A text of its schema.
+    /// A text of the option's schema.
     pub fn text(&self, key: &str) -> Option<&str> {
         self.schema.get(key).and_then(Value::as_str)
     }
 
-    /// Whether it names a file.
+    /// True if the option names a file.
     pub fn is_file(&self) -> bool {
         is_set(&self.schema, FILE)
     }
 
-    /// Name with dashes, as a command line and a form call it: `light-scale` for `scale` in `light`, `light` for `path` in it, and
-    /// `no-accelerate` for a switch that is on by default.
+    /// Name with dashes, as used by command lines and forms: `light-scale` for `scale` in `light`, `light` for `path`
+    /// in it, and `no-accelerate` for a switch that is on by default.
     pub fn name(&self) -> String {
         if let Some(stated) = self.text(FLAG) {
             return stated.into();
@@ -214,40 +216,40 @@ impl Field {
         if self.is_on() { format!("no-{name}") } else { name }
     }
 
-    /// Whether it is a switch that is on by default.
+    /// True for a switch that is on by default.
     pub fn is_on(&self) -> bool {
         self.is_flag() && self.default() == Some(&Value::Bool(true))
     }
 
-    /// Whether it and another option belong to variants of which one can be given.
+    /// True if the option and another one belong to mutually exclusive variants.
     pub fn excludes(&self, other: &Self) -> bool {
         self.variant.is_some_and(|at| {
             other.variant == Some(at) && self.path[..at] == other.path[..at] && self.path[at] != other.path[at]
         })
     }
 
-    /// Other names of it.
+    /// Aliases of the option.
     pub fn aliases(&self) -> Vec<String> {
         let all = self.schema.get(ALIASES).and_then(Value::as_array);
         all.into_iter().flatten().filter_map(|name| name.as_str().map(str::to_owned)).collect()
     }
 
-    /// Its default; none where that is left to the program.
+    /// Default value; `None` if it is left to the program.
     pub fn default(&self) -> Option<&Value> {
         self.schema.get("default").filter(|value| !value.is_null())
     }
 
-    /// Whether few need it.
+    /// True if the option is rarely needed.
     pub fn is_advanced(&self) -> bool {
         is_set(&self.schema, ADVANCED)
     }
 
-    /// Whether it is yes or no.
+    /// True for a boolean option.
     pub fn is_flag(&self) -> bool {
         self.text("type") == Some("boolean")
     }
 
-    /// Whether its value is a structure.
+    /// True if the value is a structure.
     pub fn is_structure(&self) -> bool {
         let structure = |schema: &Map<String, Value>| schema.contains_key("properties");
         let alternatives = self.schema.get("anyOf").and_then(Value::as_array);
@@ -255,12 +257,12 @@ impl Field {
             || alternatives.is_some_and(|all| all.iter().filter_map(Value::as_object).all(structure))
     }
 
-    /// Words that it may be, if it can be nothing else.
+    /// Accepted words, if the option accepts nothing else.
     pub fn words(&self) -> Option<Vec<String>> {
         words(&self.schema)
     }
 
-    /// Placeholder of its value: the stated one, its words, or the unit that its name ends in.
+    /// Placeholder of the value: as stated in the schema, the accepted words, or the unit at the end of its name.
     pub fn placeholder(&self) -> String {
         if let Some(stated) = self.text(PLACEHOLDER) {
             return stated.into();
@@ -278,7 +280,7 @@ impl Field {
         }
     }
 
-    /// The kind of text that its value is read from, for messages.
+    /// Expected kind of text, for messages.
     pub fn expected(&self) -> String {
         let placeholder = self.placeholder();
         match (self.text("type"), self.schema.get("minItems").and_then(Value::as_u64)) {
@@ -290,10 +292,10 @@ impl Field {
         }
     }
 
-    /// Value that a text means.
+    /// Parses a text as a value.
     ///
     /// # Errors
-    /// The values that are possible.
+    /// The accepted values.
     pub fn value(&self, text: &str) -> Result<Value, String> {
         if self.text(UNSET) == Some(text) {
             return Ok(Value::Null);
@@ -305,7 +307,7 @@ impl Field {
         })
     }
 
-    /// Puts a value where it belongs among the options.
+    /// Inserts a value at the option's position in the JSON options.
     pub fn put(&self, options: &mut Value, value: Value) {
         let place = self.path.iter().fold(options, |at, key| {
             if !at.is_object() {
@@ -316,7 +318,7 @@ impl Field {
         *place = value;
     }
 
-    /// The name of a file among options: its value, or that of a variant that names a file.
+    /// The file name among JSON options: the option's value, or that of a variant that names a file.
     pub fn file<'a>(&self, options: &'a mut Value) -> Option<&'a mut Value> {
         let variants = self.schema.get("oneOf").and_then(Value::as_array);
         let variants = variants.into_iter().flatten().filter_map(Value::as_object).filter(|one| is_set(one, FILE));
@@ -329,13 +331,13 @@ impl Field {
         given.iter_mut().find(|(key, _)| keys.contains(key)).map(|(_, name)| name)
     }
 
-    /// Whether a word is one of the built-in values beside file names.
+    /// True if a word is one of the built-in values besides file names.
     pub fn is_built_in(&self, word: &str) -> bool {
         let words = self.schema.get(EXAMPLE_WORDS).and_then(Value::as_array);
         words.into_iter().flatten().any(|known| known == word)
     }
 
-    /// Its value among options, if it is given.
+    /// The option's value among JSON options, if given.
     pub fn get<'a>(&self, options: &'a Value) -> Option<&'a Value> {
         self.path.iter().try_fold(options, |at, key| at.get(key))
     }

@@ -1,4 +1,4 @@
-//! An output folder that appears whole or not at all.
+//! Atomic creation of an output folder.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
@@ -10,28 +10,29 @@ use serde::Serialize;
 use crate::temporary::{TemporaryFolder, sweep};
 use crate::{Error, Result, Version, writable};
 
-/// Results are collected in a hidden folder beside (or, on another file system, inside) the final one and put in
-/// place by [`OutputFolder::commit`]. Dropped without commit, nothing stays behind; what a killed process left is removed by the
-/// next one that begins the same folder.
+/// Results are collected in a hidden folder beside the final one (or inside, if they are on different file systems) and
+/// moved into place by [`OutputFolder::commit`]. Dropping it without commit removes everything. Remains of a killed
+/// process are removed by the next one with the same output folder.
 #[derive(Debug)]
 pub struct OutputFolder {
     out: PathBuf,
     overwrite: bool,
     /// `None` once committed.
     temporary: Option<TemporaryFolder>,
-    /// Move file by file rather than the folder in one: the folder is in use or is a mount point.
+    /// True if files are moved individually rather than the folder as a whole, because the folder is in use or is a
+    /// mount point.
     piecewise: bool,
-    /// Parents made for `out`, the outermost first.
+    /// Newly created parents of `out`, outermost first.
     made: Vec<PathBuf>,
 }
 
 impl OutputFolder {
-    /// Prepares to fill the folder `out`, of which nothing is to be seen before [`OutputFolder::commit`]. With
-    /// `overwrite`, files of the same names in an existing folder are replaced and others left alone.
+    /// Prepares the output folder `out`, which becomes visible with [`OutputFolder::commit`]. With `overwrite`, files
+    /// of the same names in an existing folder are replaced, and others are kept.
     ///
     /// # Errors
-    /// `Error::Input` when `out` exists and is not an empty folder (without `overwrite`) or is a file;
-    /// `Error::Output` when the system refuses.
+    /// `Error::Input` if `out` is a file, or a non-empty folder without `overwrite`; `Error::Output` if the system
+    /// refuses.
     pub fn begin(out: &Path, overwrite: bool) -> Result<Self> {
         let refused = |error| Error::output(out, error);
         let exists = out.try_exists().map_err(refused)?;
@@ -63,7 +64,7 @@ impl OutputFolder {
     fn beside_existing(&mut self) -> io::Result<()> {
         self.out = self.out.canonicalize()?;
         let name = self.out.file_name().unwrap_or_default().to_os_string();
-        // A killed process may have had its own inside.
+        // A killed process may have left its temporary folder inside.
         sweep(&self.out, &name);
         let own_device = fs::metadata(&self.out)?.dev();
         let parent = self.out.parent().filter(|p| fs::metadata(p).is_ok_and(|m| m.dev() == own_device));
@@ -77,24 +78,24 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Where to write the file `name`, a relative path, before commit. Subfolders must have been made with
+    /// Path of the file `name`, a relative path, before commit. Subfolders must have been created with
     /// [`OutputFolder::create_dir`].
     pub fn path(&self, name: &str) -> PathBuf {
         self.temporary.as_ref().map_or(self.out.as_path(), TemporaryFolder::path).join(name)
     }
 
-    /// Makes the subfolder `name` and its parents; it may exist already.
+    /// Creates the subfolder `name` and its parents; it may already exist.
     ///
     /// # Errors
-    /// `Error::Output` when the system refuses.
+    /// `Error::Output` if the system refuses.
     pub fn create_dir(&self, name: &str) -> Result<()> {
         fs::create_dir_all(self.path(name)).map_err(|error| self.failed(name, error))
     }
 
-    /// Writes the file `name` whole.
+    /// Writes the file `name`.
     ///
     /// # Errors
-    /// `Error::Output` when the system refuses.
+    /// `Error::Output` if the system refuses.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
         fs::write(self.path(name), bytes).map_err(|error| self.failed(name, error))
     }
@@ -102,7 +103,7 @@ impl OutputFolder {
     /// Writes plain data as the JSON file `name`.
     ///
     /// # Errors
-    /// `Error::Output` when the system refuses.
+    /// `Error::Output` if the system refuses.
     pub fn write_json(&self, name: &str, data: &impl Serialize) -> Result<()> {
         self.write(name, crate::json(data).as_bytes())
     }
@@ -110,7 +111,7 @@ impl OutputFolder {
     /// Writes a report as `report.json`, with the version of its format.
     ///
     /// # Errors
-    /// `Error::Output` when the system refuses.
+    /// `Error::Output` if the system refuses.
     pub fn write_report(&self, report: &impl Serialize) -> Result<()> {
         #[derive(Serialize)]
         struct Versioned<'a, R> {
@@ -121,26 +122,26 @@ impl OutputFolder {
         self.write_json("report.json", &Versioned { version: Version, report })
     }
 
-    /// Waits until the file `name`, which is complete, is on the disk. [`OutputFolder::commit`] does so for all files; this spares
-    /// it the wait.
+    /// Syncs the complete file `name` to the disk. [`OutputFolder::commit`] syncs all files; an early sync shortens its
+    /// wait.
     ///
     /// # Errors
-    /// `Error::Output` when the system refuses.
+    /// `Error::Output` if the system refuses.
     pub fn sync(&self, name: &str) -> Result<()> {
         sync_one(&self.path(name)).map_err(|error| self.failed(name, error))
     }
 
-    /// Names the file as it would have been called in the end.
+    /// Reports an error under the final name of the file.
     fn failed(&self, name: &str, error: io::Error) -> Error {
         Error::output(&self.out.join(name), error)
     }
 
-    /// Syncs everything to the disk and puts it in place: in one step when `out` does not exist or is empty, else
-    /// file by file (no file is ever seen half-written).
+    /// Syncs everything to the disk and moves it into place: atomically if `out` does not exist or is empty, otherwise
+    /// file by file (each file atomically).
     ///
     /// # Errors
-    /// `Error::Output` when the system refuses; `Error::Input` when someone else has filled `out` meanwhile, and where a file
-    /// would replace an input of this process or what is no regular file.
+    /// `Error::Output` if the system refuses. `Error::Input` if another process has filled `out` meanwhile, and if a
+    /// file would replace an input of this process or a special file.
     pub fn commit(mut self) -> Result<()> {
         let Some(temporary) = self.temporary.take() else { return Ok(()) };
         if self.piecewise {
@@ -150,7 +151,7 @@ impl OutputFolder {
         match placed {
             Ok(()) => {
                 if !self.piecewise {
-                    // The folder is no longer where the guard would remove it.
+                    // The folder has been moved, so its guard must not remove it.
                     _ = temporary.keep();
                 }
                 self.made.clear();
@@ -172,7 +173,7 @@ impl OutputFolder {
             return merge(from, &self.out);
         }
         fs::rename(from, &self.out)?;
-        // Every folder that is new in its parent, from the inside out.
+        // Parents of all new folders, from the inside out.
         let parents = self.made.iter().rev().map(PathBuf::as_path).filter_map(Path::parent);
         self.out.parent().into_iter().chain(parents).try_for_each(sync_one)
     }
@@ -182,13 +183,13 @@ impl Drop for OutputFolder {
     fn drop(&mut self) {
         drop(self.temporary.take());
         for folder in self.made.iter().rev() {
-            // Fails when someone else has put something there, and then it is to stay.
+            // Removal fails if another process has added files, which must be kept.
             _ = fs::remove_dir(folder);
         }
     }
 }
 
-/// Removes what a process that was killed has left of the output folder `out`.
+/// Removes the remains of a killed process for the output folder `out`.
 pub fn sweep_unfinished(out: &Path) {
     let Some(name) = out.file_name() else { return };
     out.parent().into_iter().chain([out]).for_each(|place| sweep(place, name));
@@ -215,7 +216,7 @@ fn sync_one(path: &Path) -> io::Result<()> {
     File::open(path)?.sync_all()
 }
 
-/// Checks every file of `to` that one below `from` is to replace, before any is replaced.
+/// Validates every file of `to` that will be replaced, before replacing any.
 fn may_be_replaced(from: &Path, to: &Path) -> Result<()> {
     let failed = |error| Error::output(to, error);
     for entry in fs::read_dir(from).map_err(failed)? {
@@ -230,7 +231,7 @@ fn may_be_replaced(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Moves every file below `from` to its place below `to`.
+/// Moves every file below `from` to the same relative path below `to`.
 fn merge(from: &Path, to: &Path) -> io::Result<()> {
     for entry in fs::read_dir(from)? {
         let entry = entry?;
@@ -360,7 +361,7 @@ mod tests {
             println!("skipped: no /dev/shm");
             return;
         };
-        // Not a mount point itself; the inner way is taken by hand.
+        // Not itself a mount point; the variant with an inner folder is selected explicitly.
         let out = mount.path().canonicalize().unwrap();
         let inner = TemporaryFolder::new(&out, "x".as_ref()).unwrap();
         let folder = OutputFolder {

@@ -1,4 +1,4 @@
-//! A boundary around third-party decoders: a panic inside one becomes an error of its input.
+//! Isolation of third-party decoders: a panic in a decoder becomes an error of its input.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -6,11 +6,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
 thread_local! {
-    /// Whether this thread runs a guarded decoder.
+    /// True while this thread runs a guarded decoder.
     static GUARDED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs a decoder on input from outside. A panic is caught, is not printed, and returned as a phrase that completes "the file".
+/// Runs a decoder on untrusted input. A panic is caught without being printed, and returned as a phrase that completes
+/// "the file".
 pub fn guarded<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
     silence_guarded_panics();
     let outer = GUARDED.replace(true);
@@ -19,13 +20,14 @@ pub fn guarded<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
     outcome.map_err(|panic| format!("makes its decoder fail ({})", message(&*panic)))
 }
 
-/// Makes this thread one of a guarded decoder's own: panics on it are not printed. For threads that only decoders use.
+/// Marks this thread as belonging to a guarded decoder, so that its panics are not printed. For threads used only by
+/// decoders.
 pub fn guard_thread() {
     silence_guarded_panics();
     GUARDED.set(true);
 }
 
-/// Keeps the report of a guarded panic off standard error; all other panics are reported as before.
+/// Suppresses the report of guarded panics on standard error; all other panics are reported.
 fn silence_guarded_panics() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {

@@ -1,6 +1,6 @@
-//! Files from outside: only regular files are opened, and read up to a limit.
+//! Reading of untrusted files: only regular files are opened, up to a size limit.
 //!
-//! A command of the command line remembers its inputs ([`remember`]), so that no output replaces one
+//! A command-line process records its inputs ([`remember`]), so that no output can replace one
 //! ([`write_whole`](crate::write_whole)).
 
 use std::collections::HashSet;
@@ -10,19 +10,19 @@ use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-/// Why a file is not read, as the predicate of a sentence about it.
+/// Reason why a file cannot be read, as the predicate of a sentence about it.
 #[derive(Debug, thiserror::Error)]
 pub enum Unreadable {
-    /// The system refuses.
+    /// Error of the system.
     #[error("cannot be read: {0}")]
     System(io::Error),
     /// A folder, pipe, socket or device.
     #[error("is a {0}, not a regular file")]
     NotAFile(&'static str),
-    /// The file is larger than what is read.
+    /// The file exceeds the size limit.
     #[error("has more than the {most} bytes that are read")]
     TooLarge {
-        /// Most bytes that are read.
+        /// Size limit in bytes.
         most: u64,
     },
 }
@@ -36,16 +36,17 @@ impl From<Unreadable> for io::Error {
     }
 }
 
-/// Opens a regular file of at most `most` bytes for reading. Links are followed. The call never waits, whatever the path leads to.
+/// Opens a regular file of at most `most` bytes for reading. Links are followed. The call never blocks, whatever the
+/// path leads to.
 ///
 /// # Errors
-/// [`Unreadable`] for everything else.
+/// [`Unreadable`] for any other file.
 pub fn open(path: &Path, most: u64) -> Result<File, Unreadable> {
-    // Opening a pipe waits for its writer, and opening a device may have an effect.
+    // Opening a pipe blocks until it has a writer, and opening a device may have side effects.
     regular(&std::fs::metadata(path).map_err(Unreadable::System)?)?;
     let flags = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
     let file = OpenOptions::new().read(true).custom_flags(flags).open(path).map_err(Unreadable::System)?;
-    // The path may lead elsewhere by now.
+    // The path may have been redirected meanwhile.
     let found = file.metadata().map_err(Unreadable::System)?;
     regular(&found)?;
     if found.len() > most {
@@ -58,7 +59,7 @@ pub fn open(path: &Path, most: u64) -> Result<File, Unreadable> {
 /// Reads a regular file of at most `most` bytes, as [`open`].
 ///
 /// # Errors
-/// [`Unreadable`], also for a file that grows beyond `most` meanwhile.
+/// [`Unreadable`], also for a file that grows beyond `most` while it is read.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, Unreadable> {
     let file = open(path, most)?;
     let mut bytes = Vec::new();
@@ -75,7 +76,7 @@ fn regular(found: &Metadata) -> Result<(), Unreadable> {
     kind(found).map_or(Ok(()), |kind| Err(Unreadable::NotAFile(kind)))
 }
 
-/// The kind of what is no regular file.
+/// Name of the kind of a special file; `None` for a regular file.
 pub(crate) fn kind(found: &Metadata) -> Option<&'static str> {
     let kind = found.file_type();
     match () {
@@ -87,7 +88,8 @@ pub(crate) fn kind(found: &Metadata) -> Option<&'static str> {
     }
 }
 
-/// Device and inode of the inputs of this process, by which a file is known under each of its names; None unless they are remembered.
+/// Device and inode of this process's inputs, which identify a file under any of its names; `None` unless recording is
+/// enabled.
 static INPUTS: Mutex<Option<HashSet<(u64, u64)>>> = Mutex::new(None);
 
 fn inputs<T>(work: impl FnOnce(&mut Option<HashSet<(u64, u64)>>) -> T) -> T {
@@ -98,19 +100,19 @@ fn add(found: &Metadata) {
     inputs(|inputs| inputs.as_mut().map(|inputs| inputs.insert((found.dev(), found.ino()))));
 }
 
-/// Remembers from now on which files are inputs of this process: those of these paths that are files, and every file that
-/// [`open`] opens. For a process that runs one command; a service would remember them for ever.
+/// Enables the recording of inputs: the files among these paths, and every file opened by [`open`]. For a process that
+/// runs one command; in a service, the record would grow without limit.
 pub fn remember<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) {
     inputs(|inputs| _ = inputs.get_or_insert_default());
     paths.into_iter().filter_map(|path| std::fs::metadata(path).ok()).filter(Metadata::is_file).for_each(|f| add(&f));
 }
 
-/// Forgets a file that this process wrote: the system gives the number of a removed input to a new file.
+/// Removes a file written by this process from the record, because a new file may reuse the inode of a removed input.
 pub(crate) fn forget(written: &Metadata) {
     inputs(|inputs| inputs.as_mut().map(|inputs| inputs.remove(&(written.dev(), written.ino()))));
 }
 
-/// Whether a file is an input of this process.
+/// True if a file is an input of this process.
 pub(crate) fn is_input(found: &Metadata) -> bool {
     inputs(|inputs| inputs.as_ref().is_some_and(|inputs| inputs.contains(&(found.dev(), found.ino()))))
 }

@@ -1,51 +1,51 @@
-//! Nonlinear least squares: the method of Levenberg and Marquardt.
+//! Nonlinear least squares by the Levenberg-Marquardt method.
 
-/// Damping of a step: what is added to the diagonal of the normal matrix, relative to that diagonal.
+/// Schedule of the damping: the term added to the diagonal of the normal matrix, relative to that diagonal.
 #[derive(Clone, Copy, Debug)]
 pub struct Damping {
-    /// Of the first step.
+    /// Damping of the first step.
     pub first: f64,
-    /// Factor after a step that was accepted.
+    /// Factor after an accepted step.
     pub down: f64,
     /// Lower bound.
     pub least: f64,
-    /// Factor after a step that was rejected.
+    /// Factor after a rejected step.
     pub up: f64,
-    /// The search ends above this.
+    /// Upper bound; the search ends above it.
     pub most: f64,
 }
 
 /// Outcome of an attempted step.
 pub enum Step<S> {
-    /// The state to compare.
+    /// New state, to be compared with the current one.
     Trial(S),
-    /// The damped normal matrix has no inverse: more damping is needed.
+    /// The damped normal matrix is singular: increase the damping.
     Singular,
-    /// No step is worth trying.
+    /// No further step is possible.
     End,
 }
 
 /// A least-squares problem.
 pub trait Problem {
-    /// Parameters, and what is computed with them: residuals, normal matrix.
+    /// Parameters and derived quantities such as residuals and normal matrix.
     type State;
-    /// Why a search is given up.
+    /// Reason to abort the search.
     type Error;
 
-    /// Sum of squares, or another cost whose normal matrix is positive.
+    /// Sum of squares, or another cost with a positive normal matrix.
     fn cost(&self, state: &Self::State) -> f64;
 
-    /// The damped step from a state.
+    /// Computes the damped step from a state.
     ///
     /// # Errors
-    /// When the search is to be given up.
+    /// Aborts the search.
     fn step(&self, from: &Self::State, damping: f64) -> Result<Step<Self::State>, Self::Error>;
 
-    /// Called when a step does not increase the cost: completes the new state, and returns true when the search has converged.
+    /// Called for a step that does not increase the cost: completes the new state, and returns true on convergence.
     fn accept(&self, from: &Self::State, to: &mut Self::State) -> bool;
 }
 
-/// The state of least cost that at most `steps` attempted steps lead to.
+/// Minimises the cost in at most `steps` attempted steps; returns the best state.
 ///
 /// # Errors
 /// Those of [`Problem::step`].
@@ -96,7 +96,7 @@ mod tests {
 
         fn step(&self, [x, y]: &[f64; 2], damping: f64) -> Result<Step<[f64; 2]>, Infallible> {
             let residuals = [1.0 - x, 10.0 * (y - x * x)];
-            // Derivatives of the model, of which the residuals are the negative.
+            // Derivatives of the model; the residuals are its negative.
             let by_x = [1.0, 20.0 * x];
             let by_y = [0.0, -10.0];
             let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
@@ -120,7 +120,7 @@ mod tests {
         assert!(Valley.cost(&near) < Valley.cost(&[-1.2, 1.0]) && near[0] < 1.0);
     }
 
-    /// A problem without an inverse ends by its damping, not by the number of steps.
+    /// A singular problem ends by the damping's upper bound, not by the number of steps.
     #[test]
     fn a_singular_problem_ends() {
         struct Singular(std::cell::Cell<usize>);

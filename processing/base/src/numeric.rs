@@ -1,15 +1,16 @@
 //! Arithmetic without subnormal numbers.
 //!
-//! Recursive filters, convolutions and exponentials decay to zero through subnormal numbers, and photographs after black subtraction
-//! are full of exact zeros. Many processors take a hundred times longer over a subnormal number, which is too small to matter here.
+//! Recursive filters, convolutions and exponentials decay to zero through subnormal numbers, and photographs contain
+//! many exact zeros after black subtraction. Many processors are a hundred times slower for subnormal numbers, which
+//! are negligible here.
 
 #![allow(unsafe_code, reason = "no safe code reaches the register that controls floating-point arithmetic")]
 
-/// Makes arithmetic take subnormal numbers for zero: on this thread, on threads that it starts later (POSIX threads inherit the
-/// floating-point environment), and on all threads of rayon's global pool, which it starts.
+/// Treats subnormal numbers as zero: on this thread, on threads that it starts later, and on all threads of rayon's
+/// global pool, which it starts. (POSIX threads inherit the floating-point environment.)
 ///
-/// Call it once, when a program starts. Only numbers below 1.2e-38 (f32) and 2.3e-308 (f64) change. On processors other than
-/// x86-64 and AArch64 it does nothing.
+/// Call it once, when a program starts. Only numbers below 1.2e-38 (f32) and 2.3e-308 (f64) change. It has no effect on
+/// processors other than x86-64 and AArch64.
 pub fn flush_subnormals() {
     flush();
     rayon::broadcast(|_| flush());
@@ -20,7 +21,7 @@ fn flush() {
     /// Flush to zero, and denormals are zeros (Intel SDM volume 1, 10.2.3).
     const FLUSH: u32 = 1 << 15 | 1 << 6;
     let mut control = 0_u32;
-    // SAFETY: only a local variable is read and written, and only the two bits of the register change.
+    // SAFETY: reads and writes only a local variable, and changes only two bits of the register.
     unsafe {
         std::arch::asm!("stmxcsr [{}]", in(reg) &raw mut control, options(nostack));
         control |= FLUSH;
@@ -33,7 +34,7 @@ fn flush() {
     /// FZ (Arm ARM, FPCR).
     const FLUSH: u64 = 1 << 24;
     let control: u64;
-    // SAFETY: no memory is touched, and only one bit of the register changes.
+    // SAFETY: accesses no memory, and changes only one bit of the register.
     unsafe {
         std::arch::asm!("mrs {}, fpcr", out(reg) control, options(nostack));
         std::arch::asm!("msr fpcr, {}", in(reg) control | FLUSH, options(nostack));
@@ -49,7 +50,7 @@ mod tests {
     use super::*;
     use std::hint::black_box;
 
-    /// Products that are subnormal, and those that a subnormal number would make normal.
+    /// True if subnormal products, and products with subnormal factors, are zero.
     fn flushed() -> bool {
         let result = black_box(f32::MIN_POSITIVE) * black_box(0.5) == 0.0
             && black_box(f64::MIN_POSITIVE) * black_box(0.5) == 0.0;

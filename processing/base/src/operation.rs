@@ -1,7 +1,8 @@
-//! The contract of every operation: one structure of options, from which command line, service and page derive theirs.
+//! Common interface of all operations: one structure of options, from which command line, service and page are derived.
 //!
-//! An operation is a type whose fields are its options. Their documentation is the help, their `Default` the defaults, their JSON Schema the
-//! types. Keys of the schema that begin with `x-` add what JSON Schema has no words for ([`crate::fields`]).
+//! An operation is a type whose fields are its options. Their documentation is the help text, their `Default` provides
+//! the defaults, and their JSON Schema the types. Schema keys that begin with `x-` add properties that JSON Schema
+//! cannot express ([`crate::fields`]).
 
 use crate::estimate::Work;
 use crate::fields::Fields;
@@ -17,67 +18,67 @@ use std::path::Path;
 /// Kind of input of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
-    /// Photographs: a session, a set that `frames.json` describes, or a folder of them.
+    /// Photographs: a session, a set described by `frames.json`, or a folder of photographs.
     Photographs,
     /// Maps, such as the results of a session.
     Maps,
     /// Other files.
     Files,
-    /// Other files, or nothing.
+    /// Other files, or no input.
     FilesOrNothing,
 }
 
-/// An operation: options and an input give results in a new folder.
+/// An operation: produces results in a new folder from options and an input.
 pub trait Operation: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static {
-    /// Name in commands, paths of the service, plans and jobs.
+    /// Name in commands, service paths, plans and jobs.
     const NAME: &'static str;
 
-    /// Its result in one line; up to the first comma it is a choice on the page.
+    /// One-line description of its result; the part before the first comma is its label on the page.
     const TITLE: &'static str;
 
-    /// Kind of its input.
+    /// Kind of input.
     const INPUT: Input = Input::Photographs;
 
-    /// Report of the results, which is written as `report.json`.
+    /// Report of the results, written as `report.json`.
     type Report: Serialize + Summary + JsonSchema + Send + 'static;
 
-    /// Refuses options that no input fits.
+    /// Rejects options that are invalid for any input.
     ///
     /// # Errors
-    /// `Input`, which names the option.
+    /// `Input`, naming the option.
     fn check_options(&self) -> Result<()> {
         Ok(())
     }
 
-    /// Refuses options and input that cannot be used; says time, memory and disk otherwise.
+    /// Rejects invalid options and input; otherwise predicts time, memory and disk space.
     ///
     /// # Errors
-    /// `Input`, which names the option or the file.
+    /// `Input`, naming the option or the file.
     fn check(&self, input: &Path) -> Result<Work>;
 
-    /// Writes all results into a folder, without its report.
+    /// Writes all results except the report into a folder.
     ///
     /// # Errors
-    /// `Input`, `Output` or `Cancelled`; the caller drops the folder then.
+    /// `Input`, `Output` or `Cancelled`; the caller then drops the folder.
     fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Self::Report>;
 
-    /// Why the result misses the error that the options ask for, with a remedy; none where it meets it.
+    /// Reason why the result exceeds the requested error, with a remedy; `None` if it meets the request.
     fn missed(&self, _: &Self::Report) -> Option<String> {
         None
     }
 }
 
-/// A report in a few lines for people, each with a label of at most nine characters: `warning   …`.
+/// Text summary of a report in a few lines, each with a label of at most nine characters: `warning   …`.
 pub trait Summary {
-    /// The lines, without a line break at the end.
+    /// The lines, without a trailing line break.
     fn summary(&self) -> String;
 
-    /// Warnings that a reader has to know before trusting the results.
+    /// Limitations of the results that the user must know.
     fn warnings(&self) -> &[String];
 }
 
-/// Runs an operation from `input` into the new folder `out`, which appears whole or not at all. With `overwrite`, files of the same names are
-/// replaced in a folder that is there.
+/// Runs an operation from `input` into the new folder `out`, which is created atomically. With `overwrite`, files of
+/// the same names in an existing folder are replaced.
 ///
 /// # Errors
 /// As [`Operation::check`] and [`Operation::run`].
@@ -97,10 +98,10 @@ pub fn perform<O: Operation>(
     Ok(report)
 }
 
-/// Where options are described, for whoever sends JSON.
+/// Reference to the description of options, for users who send JSON.
 pub const SCHEMA: &str = "the schema of the operation lists keys and units";
 
-/// An operation of the registry: options come as JSON.
+/// An operation of the registry, with options as JSON.
 pub trait Registered: Sync {
     /// [`Operation::NAME`].
     fn name(&self) -> &'static str;
@@ -111,19 +112,19 @@ pub trait Registered: Sync {
     /// [`Operation::INPUT`].
     fn input(&self) -> Input;
 
-    /// JSON Schema of the options. Definitions of other types stay with the generator.
+    /// JSON Schema of the options. Definitions of other types remain in the generator.
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema;
 
-    /// JSON Schema of the report. Definitions of other types stay with the generator.
+    /// JSON Schema of the report. Definitions of other types remain in the generator.
     fn report_schema(&self, generator: &mut SchemaGenerator) -> Schema;
 
-    /// All options, with those of nested structures.
+    /// All options, including nested ones.
     fn fields(&self) -> Fields;
 
-    /// Reads options; those that are left out have their defaults.
+    /// Reads options; omitted ones take their defaults.
     ///
     /// # Errors
-    /// `Input`, which names the key.
+    /// `Input`, naming the key.
     fn with(&self, options: &Value) -> Result<Box<dyn Ready>>;
 }
 
@@ -148,10 +149,10 @@ pub trait Ready: Send {
     fn perform(&self, input: &Path, out: &Path, overwrite: bool, progress: &dyn Progress) -> Result<Done>;
 }
 
-/// A result; serialised, it is its report.
+/// A result; it serialises as its report.
 pub struct Done {
     report: Box<dyn erased_serde::Serialize + Send>,
-    /// The report in a few lines.
+    /// Text summary of the report.
     pub summary: String,
     /// [`Summary::warnings`].
     pub warnings: Vec<String>,
@@ -160,7 +161,7 @@ pub struct Done {
 }
 
 impl Done {
-    /// Of an operation that has been run.
+    /// Result of an operation that has run.
     pub fn new<O: Operation>(operation: &O, report: O::Report) -> Self {
         let (summary, warnings, missed) = (report.summary(), report.warnings().to_vec(), operation.missed(&report));
         Self { report: Box::new(report), summary, warnings, missed }
@@ -173,7 +174,7 @@ impl Serialize for Done {
     }
 }
 
-/// The entry of an operation in the registry.
+/// Registry entry of an operation.
 pub struct Entry<O>(PhantomData<fn() -> O>);
 
 impl<O> Entry<O> {
@@ -211,10 +212,10 @@ impl<O: Operation> Registered for Entry<O> {
     }
 }
 
-/// Reads the options of an operation; those that are left out have their defaults.
+/// Reads the options of an operation; omitted ones take their defaults.
 ///
 /// # Errors
-/// `Input`, which names the key.
+/// `Input`, naming the key.
 pub fn read<O: Operation>(options: &Value) -> Result<O> {
     let none = Value::Object(Map::new());
     let options = if options.is_null() { &none } else { options };
@@ -244,13 +245,14 @@ impl<O: Operation> Ready for O {
     }
 }
 
-/// Lines of assumptions and warnings, as all summaries end with them.
+/// Final lines of a summary: assumptions and warnings.
 pub fn lines(assumptions: &[String], warnings: &[String]) -> String {
     let assumed = assumptions.iter().map(|a| format!("assumed   {a}\n"));
     assumed.chain(warnings.iter().map(|w| format!("warning   {w}\n"))).collect()
 }
 
-/// Why an error is larger than was asked for, in this unit, or is unknown. `error` names it, `remedy` makes it smaller.
+/// Message that an error exceeds the requested one, in this unit, or is unknown. `error` is its name, `remedy` reduces
+/// it.
 pub fn exceeds(wanted: Option<f64>, found: Option<f64>, [error, unit, remedy]: [&str; 3]) -> Option<String> {
     match (wanted?, found) {
         (wanted, Some(found)) if found <= wanted => None,

@@ -1,11 +1,11 @@
-//! Parallel sums that do not depend on the number of threads.
+//! Parallel sums independent of the number of threads.
 
 use rayon::prelude::*;
 
 /// Sum of the items of a parallel iterator, added in their order.
 ///
-/// Rayon's own `sum` and `reduce` add partial sums wherever work happened to be split, so that the last digits vary between runs. Here
-/// every item takes memory for one number until the end: give sums of fixed blocks where items are many and cheap.
+/// Rayon's `sum` and `reduce` add partial sums according to the splitting of work, so that the last digits vary between
+/// runs. This function stores one number per item until the end: with many cheap items, pass sums of fixed blocks.
 ///
 /// ```
 /// use nacre_base::parallel::sum_in_order;
@@ -25,7 +25,7 @@ mod tests {
 
     #[test]
     fn the_sum_is_the_same_for_any_number_of_threads() {
-        // Terms of very different sizes: any other order of additions changes the last digits.
+        // Terms of very different magnitude: any other order of additions changes the last digits.
         let term = |i: usize| (i as f64 * 0.618).fract().powi(9) * if i.is_multiple_of(3) { -1e6 } else { 1.0 };
         let one_by_one: f64 = (0..5000).map(term).sum();
         let backwards: f64 = (0..5000).rev().map(term).sum();

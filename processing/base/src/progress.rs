@@ -1,38 +1,39 @@
-//! How a long computation tells its caller where it is, and learns that it is to stop.
+//! Progress reports of long computations, and their cancellation.
 
 use crate::estimate::Work;
 use crate::{Error, Result};
 use serde_json::Value;
 
-/// Receives progress. Called from the computing threads, so it must be cheap.
+/// Receives progress. Called from computing threads, so implementations must be cheap.
 pub trait Progress: Sync {
-    /// An operation states its time, memory and disk: after the check of its input, before its first stage and before anything is written.
+    /// Receives the predicted time, memory and disk space: after validation of the input, before the first stage and
+    /// before anything is written.
     ///
     /// # Errors
-    /// `Cancelled` if only an estimate was asked for.
+    /// `Cancelled` if only an estimate was requested.
     fn expect(&self, _: &Work) -> Result<()> {
         Ok(())
     }
-    /// A stage begins: its name as a user reads it, and how many steps it has.
+    /// Begins a stage, with a name for the user and the number of steps.
     fn stage(&self, name: &str, steps: u64);
-    /// One step of the current stage is done.
+    /// Completes one step of the current stage.
     fn step(&self);
-    /// Whether somebody looks at intermediate pictures.
+    /// True if intermediate pictures are displayed.
     fn is_watched(&self) -> bool {
         false
     }
-    /// Shows an intermediate picture (PNG), and how far it is.
+    /// Displays an intermediate picture (PNG) and its state.
     fn show(&self, _so_far: Value, _png: Vec<u8>) {}
-    /// True once the computation is to stop; it then returns [`Error::Cancelled`] and leaves nothing behind.
+    /// True once the computation must stop; it then returns [`Error::Cancelled`] and leaves nothing behind.
     fn cancelled(&self) -> bool;
 
-    /// `Err(Cancelled)` when the computation is to stop.
+    /// `Err(Cancelled)` if the computation must stop.
     fn check(&self) -> Result<()> {
         if self.cancelled() { Err(Error::Cancelled) } else { Ok(()) }
     }
 }
 
-/// No report, never stopped: for tests and benchmarks.
+/// Ignores progress and never cancels: for tests and benchmarks.
 pub struct Silent;
 
 impl Progress for Silent {

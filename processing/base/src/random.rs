@@ -1,4 +1,4 @@
-//! Pseudo-random numbers that are the same in every run.
+//! Reproducible pseudo-random numbers.
 
 /// Mixes bits (SplitMix64, Steele et al. 2014).
 pub fn mix(mut z: u64) -> u64 {
@@ -7,29 +7,30 @@ pub fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// A stream of numbers from 0 to 1.
+/// A sequence of numbers from 0 to 1.
 pub struct Stream {
     state: u64,
     strata: Option<Strata>,
 }
 
-/// One of some streams whose numbers are stratified.
+/// Stratification of one of several sequences.
 struct Strata {
-    /// Which of them, and how many there are: a power of two.
+    /// Index of the sequence, and number of sequences: a power of two.
     index: u64,
     count: u64,
-    /// Seed that they share.
+    /// Common seed of the sequences.
     key: u64,
-    /// Numbers that have been drawn.
+    /// Number of values drawn so far.
     dimension: u64,
 }
 
 impl Strata {
-    /// The stratum of the next number. Numbers of even and odd places are the two coordinates of a net: Sobol's first two dimensions, with the points
-    /// in another order and both coordinates shifted by bits (exclusive or), which leaves it a net.
+    /// Stratum of the next number. Numbers at even and odd positions are the two coordinates of a net. It consists of
+    /// the first two Sobol dimensions, with points permuted and both coordinates scrambled by exclusive or, which
+    /// preserves the net.
     fn next(&mut self) -> u64 {
         let pair = mix(self.key ^ mix(self.dimension / 2));
-        // An odd number has an inverse modulo a power of two, so that this is a permutation.
+        // An odd factor is invertible modulo a power of two, so this is a permutation.
         let point = ((self.index ^ pair).wrapping_mul((pair >> 16) | 1) ^ (pair >> 32)) & (self.count - 1);
         let bits = self.count.trailing_zeros();
         let first = self.dimension.is_multiple_of(2);
@@ -46,19 +47,20 @@ impl Strata {
 }
 
 impl Stream {
-    /// The stream of a seed.
+    /// Sequence of a seed.
     pub fn of(seed: u64) -> Self {
         Self { state: seed, strata: None }
     }
 
-    /// That of a pixel, a pass, and the like: streams of neighbours have nothing in common.
+    /// Sequence of a pixel and a pass; those of neighbours are uncorrelated.
     pub fn new(pixel: usize, pass: usize) -> Self {
         Self::of(mix(mix(pixel as u64 ^ 0x9e37_79b9_7f4a_7c15) ^ (pass as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
     }
 
-    /// One of `count` streams of a pixel and a pass whose numbers are stratified: of the n-th numbers of all, one lies in each of `count` equal parts of
-    /// [0, 1), and of [`Self::numbers`], each two lie in different cells of every division of the square into `count` equal cells of halved sides (a net,
-    /// Sobol 1967). Each stream by itself is as any other. `count` is a power of two; another is taken for the next one.
+    /// One of `count` stratified sequences of a pixel and a pass. Of the n-th numbers of all sequences, one lies in
+    /// each of `count` equal parts of [0, 1). Pairs from [`Self::numbers`] form a net (Sobol 1967): they lie in
+    /// different cells of every division of the square into `count` cells of halved sides. Each single sequence is
+    /// uniformly distributed. `count` is rounded up to a power of two.
     pub fn stratified(pixel: usize, pass: usize, index: usize, count: usize) -> Self {
         let key = Self::new(pixel, pass).state;
         let strata = Strata { index: index as u64, count: count.next_power_of_two() as u64, key, dimension: 0 };
@@ -71,13 +73,13 @@ impl Stream {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let number = (mix(self.state) >> 11) as f64 / (1_u64 << 53) as f64;
         match &mut self.strata {
-            // Rounding may not reach 1.
+            // Rounding must not yield 1.
             Some(strata) => ((strata.next() as f64 + number) / strata.count as f64).min(1.0 - f64::EPSILON),
             None => number,
         }
     }
 
-    /// The next `N` numbers; of stratified streams, each two together.
+    /// The next `N` numbers; stratified sequences form pairs.
     pub fn numbers<const N: usize>(&mut self) -> [f64; N] {
         if let Some(strata) = self.strata.as_mut().filter(|_| N > 1) {
             strata.dimension += strata.dimension % 2;
@@ -85,7 +87,7 @@ impl Stream {
         std::array::from_fn(|_| self.next())
     }
 
-    /// A whole number below `n`, which is above 0.
+    /// An integer below `n`, which is above 0.
     pub fn below(&mut self, n: usize) -> usize {
         ((self.next() * n as f64) as usize).min(n - 1)
     }
@@ -135,7 +137,7 @@ mod tests {
                     assert!(seen.iter().all(|s| *s), "{count} {pass} {dimension}");
                 }
             }
-            // The mean of numbers that are even has a standard error of 0.0046.
+            // The mean of uniform numbers has a standard error of 0.0046.
             assert!(sums.iter().all(|s| (s / passes as f64 - 0.5).abs() < 0.02), "{sums:?}");
         }
     }

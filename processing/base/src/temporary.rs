@@ -1,5 +1,5 @@
-//! Temporary folders and files beside a result. They are locked while they are in use, so that what a killed process left is
-//! recognised by its missing lock, and removed by the next run with the same result.
+//! Temporary folders and files beside a result. They are locked while in use. Remains of a killed process are
+//! identified by the missing lock and removed by the next run with the same result.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, Permissions, TryLockError};
@@ -10,32 +10,33 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
-/// End of the name of everything temporary.
+/// Suffix of all temporary names.
 const END: &str = ".partial";
 
-/// Letters and digits that tell temporaries of one result apart.
+/// Number of random letters and digits in the name.
 const RANDOM: usize = 6;
 
-/// Bytes of the result's name that a temporary name repeats; with the rest of it they fit the 255 that file systems allow.
+/// Maximum length in bytes of the result's name within a temporary name, which must fit the limit of 255 of file
+/// systems.
 const REPEATED: usize = 200;
 
-/// A new temporary may be swept before it is locked; another one is then made, this often at most.
+/// Maximum number of attempts: a new temporary may be swept before it is locked, and another one is then created.
 const ATTEMPTS: usize = 100;
 
 /// A hidden folder `.NAME.XXXXXX.partial`, removed when dropped.
 #[derive(Debug)]
 pub struct TemporaryFolder {
     folder: TempDir,
-    /// Held until the folder is gone or kept. File systems without locks do without.
+    /// Held until the folder is removed or kept. File systems without locks do without.
     _lock: Option<File>,
 }
 
 impl TemporaryFolder {
-    /// Makes one in `parent` for the result `name`, with the permissions of an ordinary new folder. Those of the same result that
-    /// killed processes left are removed.
+    /// Creates a temporary folder in `parent` for the result `name`, with the permissions of an ordinary new folder.
+    /// Remains of killed processes for the same result are removed.
     ///
     /// # Errors
-    /// As the system answers.
+    /// Those of the system.
     pub fn new(parent: &Path, name: &OsStr) -> io::Result<Self> {
         sweep(parent, name);
         for _ in 0..ATTEMPTS {
@@ -47,18 +48,19 @@ impl TemporaryFolder {
         Err(io::ErrorKind::WouldBlock.into())
     }
 
-    /// Where it is.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 
-    /// Leaves the folder to the caller, who has moved it or is going to.
+    /// Leaves the folder to the caller, who has moved it or will do so.
     pub fn keep(self) -> PathBuf {
         self.folder.keep()
     }
 }
 
-/// A hidden file `.NAME.XXXXXX.partial` in `parent` for the result `name`, with the permissions of an ordinary new file.
+/// Creates a hidden file `.NAME.XXXXXX.partial` in `parent` for the result `name`, with the permissions of an ordinary
+/// new file.
 pub(crate) fn file(parent: &Path, name: &OsStr) -> io::Result<NamedTempFile> {
     sweep(parent, name);
     for _ in 0..ATTEMPTS {
@@ -70,12 +72,12 @@ pub(crate) fn file(parent: &Path, name: &OsStr) -> io::Result<NamedTempFile> {
     Err(io::ErrorKind::WouldBlock.into())
 }
 
-/// Removes the temporaries of the result `name` in `parent` that nobody uses. Failing to is no error: the next run tries again.
+/// Removes unlocked temporaries of the result `name` in `parent`. Failures are ignored: the next run tries again.
 pub fn sweep(parent: &Path, name: &OsStr) {
     sweep_with(parent, prefix(name).as_bytes());
 }
 
-/// Removes the temporaries of all results in `parent` that nobody uses; for folders that belong to Nacre alone.
+/// Removes unlocked temporaries of all results in `parent`; for folders that belong to Nacre alone.
 pub fn sweep_all(parent: &Path) {
     sweep_with(parent, b".");
 }
@@ -89,7 +91,8 @@ fn sweep_with(parent: &Path, prefix: &[u8]) {
     }
 }
 
-/// Whether a name without its prefix is the rest of a temporary one: after `.NAME.` the random part, after `.` anything before it.
+/// True if the remainder of a name identifies a temporary: after `.NAME.` the random part, after `.` anything before
+/// it.
 fn is_temporary(rest: &[u8], prefix: &[u8]) -> bool {
     let Some(rest) = rest.strip_suffix(END.as_bytes()) else { return false };
     let Some((before, random)) = rest.split_at_checked(rest.len().wrapping_sub(RANDOM)) else { return false };
@@ -97,7 +100,7 @@ fn is_temporary(rest: &[u8], prefix: &[u8]) -> bool {
     whole && random.iter().all(u8::is_ascii_alphanumeric)
 }
 
-/// Removes a folder or file unless a process has it locked. Where locks are not supported, nothing is removed.
+/// Removes a folder or file unless a process has locked it. Without support for locks, nothing is removed.
 fn remove_unused(path: &Path) {
     let Ok(kind) = fs::symlink_metadata(path).map(|m| m.file_type()) else { return };
     if !kind.is_dir() && !kind.is_file() {
@@ -105,12 +108,12 @@ fn remove_unused(path: &Path) {
     }
     let Ok(lock) = File::open(path) else { return };
     if lock.try_lock().is_ok() {
-        // What cannot be removed now stays for the next sweep.
+        // Failed removals are left to the next sweep.
         _ = if kind.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     }
 }
 
-/// The lock of a new folder, if its file system has any; `None` when a sweep was faster.
+/// Locks a new folder, if the file system supports locks; the outer `None` means that a sweep was faster.
 fn lock(folder: &Path) -> Option<Option<File>> {
     match File::open(folder) {
         Ok(file) => locked(&file, folder).then_some(Some(file)),
@@ -118,7 +121,7 @@ fn lock(folder: &Path) -> Option<Option<File>> {
     }
 }
 
-/// Locks a new temporary; false when a sweep was faster.
+/// Locks a new temporary; returns false if a sweep was faster.
 fn locked(file: &File, path: &Path) -> bool {
     !matches!(file.try_lock(), Err(TryLockError::WouldBlock)) && path.exists()
 }
@@ -129,7 +132,7 @@ fn builder(prefix: &OsStr) -> Builder<'_, 'static> {
     builder
 }
 
-/// Beginning of the names of a result's temporaries.
+/// Prefix of the names of a result's temporaries.
 fn prefix(name: &OsStr) -> OsString {
     let mut prefix = OsString::from(".");
     prefix.push(OsStr::from_bytes(&name.as_bytes()[..name.len().min(REPEATED)]));

@@ -1,4 +1,4 @@
-//! Small text files from outside.
+//! Reading of small untrusted text files.
 
 use crate::{Error, input};
 use serde::de::DeserializeOwned;
@@ -7,16 +7,16 @@ use std::path::Path;
 /// Reads a text file of at most `most` bytes.
 ///
 /// # Errors
-/// `Input`, with this remedy, for what cannot be read, is no regular file, is larger or is no UTF-8 text.
+/// `Input`, with this remedy, for an unreadable, special or larger file, and for text that is not UTF-8.
 pub fn read_text(path: &Path, most: u64, remedy: &str) -> Result<String, Error> {
     let bytes = input::read(path, most).map_err(|e| Error::file(path, e, remedy))?;
     String::from_utf8(bytes).map_err(|e| Error::file(path, format!("is no UTF-8 text: {}", e.utf8_error()), remedy))
 }
 
-/// Reads a value from JSON, directly and not by way of a tree, which would take the last of several equal keys.
+/// Reads a value from JSON directly, without an intermediate tree, which would silently accept repeated keys.
 ///
 /// # Errors
-/// The key and what is wrong with it, with line and column.
+/// The key and its problem, with line and column.
 pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     let mut json = serde_json::Deserializer::from_str(text);
     let value = serde_path_to_error::deserialize(&mut json).map_err(|e| format!("{}{}", key(e.path()), e.inner()))?;
@@ -27,7 +27,7 @@ pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, String> {
 /// Reads a value from TOML.
 ///
 /// # Errors
-/// The key and what is wrong with it, with its line.
+/// The key and its problem, with its line.
 pub fn from_toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     let toml = toml::Deserializer::parse(text).map_err(|e| e.to_string().trim_end().to_owned())?;
     serde_path_to_error::deserialize(toml).map_err(|e| {
@@ -37,7 +37,7 @@ pub fn from_toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     })
 }
 
-/// A key as the start of a sentence; nothing for the whole.
+/// A key as the start of a sentence; empty for the whole document.
 fn key(path: &serde_path_to_error::Path) -> String {
     if path.iter().next().is_some() { format!("{path}: ") } else { String::new() }
 }

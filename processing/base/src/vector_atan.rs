@@ -1,11 +1,11 @@
-//! Arc tangents of many numbers at once.
+//! Vectorisable arc tangents.
 //!
-//! The compiler makes vectors of loops over these functions where they are inlined into code for one kind of
-//! processor (`vectorised`); no multiplication is fused with an addition, so all processors give the same bits.
+//! The compiler vectorises loops over these functions where they are inlined into code for one kind of processor
+//! (`vectorised`). No multiplication is fused with an addition, so all processors give identical bits.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// atan(t)/t in powers of t² for t from 0 to 1: minimax of the relative error, which is 1.5e-8 before rounding.
+/// atan(t)/t in powers of t² for t from 0 to 1: minimax polynomial with a relative error of 1.5e-8 before rounding.
 const ATAN: [f32; 9] = [
     1.0,
     -0.333_330_72,
@@ -18,11 +18,11 @@ const ATAN: [f32; 9] = [
     0.002_849_937,
 ];
 
-/// Taylor's series of the sine and the cosine, for up to an eighth of a turn: less than 3e-8 is left out.
+/// Taylor series of sine and cosine, for up to an eighth of a turn: the truncation error is below 3e-8.
 const SIN: [f32; 4] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0];
 const COS: [f32; 4] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0];
 
-/// `y.atan2(x)` to 3e-7 rad, NaN where one of them is; both zeros are positive, and infinities are not for it.
+/// `y.atan2(x)` to 3e-7 rad; NaN if an argument is NaN. Zeros count as positive; infinities are not supported.
 #[inline(always)]
 pub fn atan2(y: f32, x: f32) -> f32 {
     let (across, along) = (y.abs(), x.abs());
@@ -42,7 +42,7 @@ pub fn atan2(y: f32, x: f32) -> f32 {
 /// Sine and cosine to 2e-7, of angles up to a few turns.
 #[inline(always)]
 pub fn sin_cos(angle: f32) -> [f32; 2] {
-    // Quarter turns that are taken off, the last in two parts so that nothing is lost.
+    // Subtracts quarter turns, the last one in two parts to preserve precision.
     let quarters = (angle * (2.0 / PI)).round_ties_even();
     let left = angle - quarters * 1.570_312_5 - quarters * 4.838_268e-4;
     let square = left * left;
@@ -54,12 +54,12 @@ pub fn sin_cos(angle: f32) -> [f32; 2] {
     [if half >= 2.0 { -sine } else { sine }, if (half == 1.0) | (half == 2.0) { -cosine } else { cosine }]
 }
 
-/// Folds an angle from -π to 2π into `[0, π)`.
+/// Wraps an angle from the range -π to 2π into `[0, π)`.
 #[inline(always)]
 pub fn folded(angle: f32) -> f32 {
     let up = if angle < 0.0 { angle + PI } else { angle };
     let down = if up >= PI { up - PI } else { up };
-    // A tiny negative angle is π when it is rounded, and so 0.
+    // A tiny negative angle rounds to π, which is equivalent to 0.
     if down >= PI { 0.0 } else { down }
 }
 
@@ -67,7 +67,7 @@ pub fn folded(angle: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Against double precision: along both axes, in all quadrants, and for very small and large numbers.
+    /// Comparison with double precision: along both axes, in all quadrants, and for very small and large numbers.
     #[test]
     fn arc_tangents_are_those_of_double_precision() {
         let mut worst = 0.0_f64;

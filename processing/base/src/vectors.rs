@@ -1,11 +1,11 @@
-//! Loops compiled for the vectors of old and of new processors, which are told apart when the program runs.
+//! Loops compiled for several vector instruction sets, selected at run time.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Does `work`, compiled for this processor with everything that is inlined into it. That must be told: the closure and
-/// what it calls in its loops are to be `#[inline(always)]`, and its loops are to be `for` loops: closures given to `for_each` of an
-/// iterator or `map` of an array may be compiled apart, for old processors. (`Arch::dispatch` of a closure calls it through a function that is
-/// compiled for old processors, unless it is small.)
+/// Runs `work`, compiled for this processor together with everything inlined into it. The closure and the functions
+/// called in its loops must be `#[inline(always)]`, and its loops must be `for` loops. Closures passed to an iterator's
+/// `for_each` or an array's `map` may be compiled separately, for the baseline processor. (`Arch::dispatch` calls a
+/// large closure through a function compiled for the baseline.)
 pub fn vectorised<T>(work: impl FnMut() -> T) -> T {
     struct Work<F>(F);
     impl<T, F: FnMut() -> T> WithSimd for Work<F> {

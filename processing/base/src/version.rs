@@ -5,8 +5,8 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 
-/// Version of a format, of which `LATEST` is written. Files of earlier versions, and those without one, which are of the first, are read;
-/// later ones are refused by their number.
+/// Version of a format; `LATEST` is written. Earlier versions are read, and a missing version counts as the first.
+/// Later versions are rejected with their number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Version<const LATEST: u32>;
 

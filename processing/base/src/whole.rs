@@ -1,4 +1,4 @@
-//! A single file that appears whole or not at all.
+//! Atomic writing of single files.
 
 use std::fs::{self, File, Metadata, Permissions};
 use std::io;
@@ -9,24 +9,23 @@ use tempfile::NamedTempFile;
 use crate::{Error, Result, input, temporary};
 use serde::Serialize;
 
-/// Plain data, with string keys, as the text of a JSON file.
+/// Plain data with string keys as the text of a JSON file.
 pub fn json(data: &impl Serialize) -> String {
-    // Such data always serialises.
+    // Serialising such data cannot fail.
     serde_json::to_string_pretty(data).unwrap_or_default() + "\n"
 }
 
-/// Writes a file so that its name always leads to the whole old contents or the whole new ones, even if power fails: into a
-/// temporary file beside it ([`crate::temporary`]), which is synced and then renamed. A new file has the permissions of any new file; one that is
-/// replaced keeps its own. A link is followed.
+/// Replaces a file atomically, even if power fails: writes a temporary file beside it ([`crate::temporary`]), syncs it
+/// and renames it. A new file has ordinary permissions; a replaced file keeps its permissions. Links are followed.
 ///
 /// # Errors
-/// As [`writable`]; `Error::Output` when the system refuses. A file that was there is as it was.
+/// As [`writable`]; `Error::Output` if the system refuses. An existing file is then unchanged.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let write = |file: &Path| fs::write(file, bytes).map_err(|error| Error::output(path, error));
     write_whole_with(path, write)
 }
 
-/// The same for a file that `write` writes, given a path to write to.
+/// As [`write_whole`], with contents written by `write` to the path that it receives.
 ///
 /// # Errors
 /// As [`write_whole`], and those of `write`.
@@ -35,10 +34,10 @@ pub fn write_whole_with(path: &Path, write: impl FnOnce(&Path) -> Result<()>) ->
     rewrite(path, write)
 }
 
-/// As [`write_whole_with`], for a file that a command reads in order to write it anew.
+/// As [`write_whole_with`], for a file that a command reads and rewrites.
 ///
 /// # Errors
-/// `Error::Input` for what is no regular file; `Error::Output` when the system refuses; those of `write`.
+/// `Error::Input` for special files; `Error::Output` if the system refuses; those of `write`.
 pub fn rewrite(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let failed = |error: io::Error| Error::output(path, error);
     let old = fs::metadata(path).ok();
@@ -51,7 +50,7 @@ pub fn rewrite(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<(
     Ok(())
 }
 
-/// Checks that a file may be written here, as far as the present contents go: nothing, or a regular file that is no input of this
+/// Checks that a file may be written at this path: nothing exists there, or a regular file that is no input of this
 /// process under any of its names.
 ///
 /// # Errors
@@ -70,8 +69,8 @@ fn regular(path: &Path, found: &Metadata) -> Result<()> {
     input::kind(found).map_or(Ok(()), |kind| Err(refused(kind)))
 }
 
-/// Refuses to replace files that are there, unless `overwrite` says so, and whatever is not [`writable`]; folders that are not
-/// there, and one file for two outputs.
+/// Checks that outputs can be written: rejects existing files unless `overwrite` is set, paths that are not
+/// [`writable`], missing folders, and the same file for two outputs.
 ///
 /// # Errors
 /// `Error::Input` for the first of them.
@@ -92,7 +91,7 @@ pub fn vacant(paths: &[PathBuf], overwrite: bool) -> Result<()> {
     Ok(())
 }
 
-/// An empty temporary file in the folder of `path`, and the path to move it to.
+/// Empty temporary file in the folder of `path`, and the path to rename it to.
 fn beside(path: &Path, exists: bool) -> io::Result<(NamedTempFile, PathBuf)> {
     let target = if exists { path.canonicalize()? } else { std::path::absolute(path)? };
     let parts = target.parent().zip(target.file_name());

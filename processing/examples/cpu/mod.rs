@@ -1,6 +1,6 @@
 //! CPU time, for examples that measure it.
 
-/// CPU time of this process in seconds, all threads, as the system counts it.
+/// CPU time of this process in seconds, all threads, as counted by the system.
 pub fn used() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();

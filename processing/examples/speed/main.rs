@@ -1,10 +1,11 @@
-//! How long `nacre reconstruct` takes beside decoding its photographs and writing its results, and the fit beside a copy.
+//! Time of `nacre reconstruct` relative to decoding its photographs and writing its results, and time of the fit
+//! relative to a copy.
 //!
-//! `cargo run --release -p nacre-processing --example speed -- SESSION SCRATCH` for the command, also its memory, on photographs
-//! that are made where there are none; without arguments for the fit.
+//! `cargo run --release -p nacre-processing --example speed -- SESSION SCRATCH` measures the command, including memory,
+//! on photographs that are generated if missing. Without arguments it measures the fit.
 //!
-//! Everything is run in turns and the least of each is printed, so that other programs on the machine disturb all alike. CPU
-//! seconds (Linux only) do not count waiting for others or for the disk.
+//! All candidates run in turn, and the minimum of each is printed, so that other programs on the machine affect all
+//! alike. CPU seconds (Linux only) exclude waiting for other processes and for the disk.
 
 #![allow(clippy::print_stdout)]
 
@@ -99,7 +100,7 @@ fn whole(session: &Path, scratch: &Path) -> Outcome<()> {
     let mut times = [const { vec![] }; 4];
     let written = scratch.join("written");
     for _ in 0..ROUNDS {
-        // Into folders that are not there yet; throwing old files away is nobody's work.
+        // Into new folders, so that the time to delete old files is not counted.
         let fresh = || [&out, &written].into_iter().filter(|old| old.exists()).try_for_each(fs::remove_dir_all);
         fresh()?;
         times[0].push(timed(|| decode(session).and_then(|()| write(&written, &bytes)))?);
@@ -125,7 +126,7 @@ fn whole(session: &Path, scratch: &Path) -> Outcome<()> {
     Ok(())
 }
 
-/// Two photographs at a time, by the reader of the command.
+/// Two photographs at a time, with the command's reader.
 fn decode(session: &Path) -> Outcome<()> {
     let frames = load(session)?;
     let files: Vec<_> = frames.set.frames.iter().map(|f| frames.file(&f.file)).collect();
@@ -135,7 +136,7 @@ fn decode(session: &Path) -> Outcome<()> {
     Ok(())
 }
 
-/// Plain files, synced as those of the command are.
+/// Plain files, synced like those of the command.
 fn write(folder: &Path, files: &[Vec<u8>]) -> Outcome<()> {
     fs::create_dir_all(folder)?;
     files.par_iter().enumerate().try_for_each(|(i, bytes)| -> Outcome<()> {

@@ -1,4 +1,4 @@
-//! Photographs to measure on: patches of gratings behind a weak film, as a camera of 12 bits sees them.
+//! Simulated photographs for measurements: patches of gratings behind a weakly birefringent film, with a 12-bit camera.
 
 use super::Outcome;
 use nacre_processing::frames::{FILE_NAME, Frame, FrameSet, Kind};
@@ -9,13 +9,13 @@ use rayon::prelude::*;
 use std::fs;
 use std::path::Path;
 
-/// Pixels along a patch, and along the blur between two.
+/// Width of a patch, and of the blur between two patches, in pixels.
 const PATCH: f64 = 64.0;
 const BLUR: f64 = 2.0;
 const WHITE: f64 = 4095.0;
 const CAMERA: NoiseModel = NoiseModel { full_scale_e: 40_000.0, read_noise_e: 8.0 };
 
-/// Makes a set of photographs of `width` × `height` pixels in a new folder.
+/// Generates a set of photographs of `width` × `height` pixels in a new folder.
 pub fn make(folder: &Path, [width, height]: [usize; 2], frames: usize) -> Outcome<()> {
     fs::create_dir_all(folder)?;
     let film = Synthetic { retardance: 10f64.to_radians(), axis: 20f64.to_radians(), ..Synthetic::default() };
@@ -51,7 +51,7 @@ pub fn make(folder: &Path, [width, height]: [usize; 2], frames: usize) -> Outcom
     Ok(fs::write(folder.join(FILE_NAME), serde_json::to_string_pretty(&set)?)?)
 }
 
-/// The patch that a pixel lies in, or the one before an edge nearby, and the share of the next.
+/// Patch at a pixel, or the one before a nearby edge, and the fraction of the next patch.
 fn blended(at: usize) -> (usize, f64) {
     let place = at as f64 / PATCH;
     (place as usize, ((place.fract() - 1.0) * PATCH / BLUR + 1.0).max(0.0))

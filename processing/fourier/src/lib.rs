@@ -10,12 +10,12 @@ use realfft::RealFftPlanner;
 use rustfft::FftPlanner;
 use std::sync::Arc;
 
-/// Numbers that are transformed, f32 or f64. Their plans are functions without parameters of type, so that this crate alone compiles
-/// rustfft's algorithms.
+/// Number types of transforms: f32 or f64. Plans come from functions without type parameters, so that rustfft's
+/// algorithms are compiled in this crate only.
 pub trait Real: FftNum {
-    /// Plan of the transform of `length` complex values, with `exp(-2πi k n / length)`, not scaled.
+    /// Plan of the forward transform of `length` complex values, with `exp(-2πi k n / length)`, unnormalised.
     fn forward(length: usize) -> Arc<dyn Fft<Self>>;
-    /// Plan of the inverse transform, not scaled.
+    /// Plan of the inverse transform, unnormalised.
     fn inverse(length: usize) -> Arc<dyn Fft<Self>>;
 }
 
@@ -39,12 +39,12 @@ impl Real for f64 {
     }
 }
 
-/// Plan of the transform of `length` real values into `length / 2 + 1` complex ones, not scaled.
+/// Plan of the transform of `length` real values into `length / 2 + 1` complex ones, unnormalised.
 pub fn real_forward(length: usize) -> Arc<dyn RealToComplex<f32>> {
     RealFftPlanner::new().plan_fft_forward(length)
 }
 
-/// Plan of its inverse, not scaled.
+/// Plan of its inverse, unnormalised.
 pub fn real_inverse(length: usize) -> Arc<dyn ComplexToReal<f32>> {
     RealFftPlanner::new().plan_fft_inverse(length)
 }

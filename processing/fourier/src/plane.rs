@@ -5,13 +5,13 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Values that one task of a parallel transform holds at least: smaller images are transformed by the calling thread.
+/// Minimum number of values per task of a parallel transform; smaller images are transformed by the calling thread.
 const TASK: usize = 1 << 16;
 
-/// Side of the blocks that are transposed at once, so that neither rows nor columns fall out of the cache.
+/// Side of the blocks transposed together, so that both rows and columns stay in the cache.
 const BLOCK: usize = 16;
 
-/// Transforms of images of one size. Spectra are transposed: `height` values per row, `width` rows.
+/// Fourier transforms of images of one size. Spectra are transposed: `width` rows of `height` values.
 pub struct Fourier<T: Real> {
     size: [usize; 2],
     forward: [Arc<dyn Fft<T>>; 2],
@@ -19,12 +19,12 @@ pub struct Fourier<T: Real> {
 }
 
 impl<T: Real> Fourier<T> {
-    /// For images of this width and height.
+    /// Transforms for images of this width and height.
     pub fn new(size: [usize; 2]) -> Self {
         Self { size, forward: size.map(T::forward), inverse: size.map(T::inverse) }
     }
 
-    /// The transposed spectrum of an image of `width · height` values, row by row.
+    /// Transposed spectrum of an image of `width · height` values, row by row.
     pub fn forward(&self, mut image: Vec<Complex<T>>) -> Vec<Complex<T>> {
         let [width, height] = self.size;
         rows(&mut image, width, &*self.forward[0]);
@@ -33,7 +33,7 @@ impl<T: Real> Fourier<T> {
         spectrum
     }
 
-    /// The image of a transposed spectrum, `width · height` times as large: neither direction scales.
+    /// Image of a transposed spectrum, multiplied by `width · height`: neither direction is normalised.
     pub fn inverse(&self, mut spectrum: Vec<Complex<T>>) -> Vec<Complex<T>> {
         let [width, height] = self.size;
         rows(&mut spectrum, height, &*self.inverse[1]);
@@ -47,7 +47,7 @@ fn rows<T: Real>(values: &mut [Complex<T>], length: usize, fft: &dyn Fft<T>) {
     values.par_chunks_mut(length * TASK.div_ceil(length)).for_each(|rows| fft.process(rows));
 }
 
-/// Rows of an image as columns; in place where it is a square.
+/// Transposes an image, in place if it is square.
 fn transposed<T: Real>(mut image: Vec<Complex<T>>, [width, height]: [usize; 2]) -> Vec<Complex<T>> {
     if width == height {
         for top in (0..width).step_by(BLOCK) {

@@ -1,33 +1,33 @@
-//! Finds the value at which photographs clip, where that is below the stated white: 12 bits in 16-bit files, for instance.
+//! Detection of the value at which photographs clip below the stated white, such as 12-bit data in 16-bit files.
 
 use nacre_image::{Raster, Samples};
 
-/// Most samples of a photograph that are looked at.
+/// Maximum number of samples per photograph.
 const LOOKED_AT: usize = 1 << 20;
 
-/// Thresholds of the decision that a photograph clips at its largest value. Photographs of even surfaces have many pixels of one value, but
-/// as many of the values beside it.
+/// Thresholds for clipping at a photograph's largest value. Photographs of uniform surfaces have many pixels of one
+/// value, but similarly many of adjacent values.
 mod limits {
-    /// Least share of samples at the largest value.
+    /// Minimum fraction of samples at the largest value.
     pub const SHARE: f64 = 0.001;
-    /// Least ratio of samples at the largest value to those at the next two lower ones.
+    /// Minimum ratio of samples at the largest value to those at the next two lower values.
     pub const OVER_NEIGHBOURS: usize = 10;
-    /// Least value, as a share of white: below are black photographs.
+    /// Minimum value relative to white; photographs below it are black.
     pub const OF_WHITE: f64 = 0.01;
-    /// Least number of photographs with one largest value, unless it is all ones of some number of bits.
+    /// Minimum number of photographs with the same largest value, unless its bits are all ones.
     pub const PHOTOGRAPHS: usize = 2;
 }
 
-/// Largest values of the photographs that look clipped.
+/// Largest values of photographs that appear clipped.
 #[derive(Debug, Default)]
 pub struct Clipping {
-    /// Value, and share of the samples that have it.
+    /// Value, and fraction of samples with that value.
     peaks: Vec<(u16, f64)>,
     bits: u32,
 }
 
 impl Clipping {
-    /// Looks at one channel of a photograph; floating-point ones tell nothing.
+    /// Examines one channel of a photograph; floating-point photographs are ignored.
     pub fn observe(&mut self, raster: &Raster, channel: usize) {
         let every = |samples: usize| (samples / raster.channels).div_ceil(LOOKED_AT).max(1) * raster.channels;
         let mut counts = vec![0_usize; 1 << 16];
@@ -49,7 +49,7 @@ impl Clipping {
         }
     }
 
-    /// The value below `white` at which photographs clip, and the largest share of samples that do.
+    /// Value below `white` at which photographs clip, and the largest fraction of clipped samples.
     pub fn level(&self, white: f64) -> Option<(u16, f64)> {
         let (value, _) = *self
             .peaks
@@ -64,7 +64,7 @@ impl Clipping {
         (alike.count() >= limits::PHOTOGRAPHS || full).then_some((value, share))
     }
 
-    /// A sentence about it; `option` is the flag or key that gives white.
+    /// Warning about clipping; `option` is the flag or key that sets white.
     pub fn warning(&self, white: f64, option: &str) -> Option<String> {
         let (value, share) = self.level(white)?;
         Some(format!(
@@ -82,7 +82,7 @@ mod tests {
         Raster { width: 100, height: 100, channels: 1, samples: Samples::U16(values.take(10_000).collect()) }
     }
 
-    /// A ramp of light with noise, clipped.
+    /// A clipped ramp of light with noise.
     fn ramp(scale: u32, clip: u16) -> Raster {
         raster((0..10_000_u32).map(move |i| (i * scale / 100 + (i * 7919) % 13).min(clip.into()) as u16))
     }
@@ -95,7 +95,7 @@ mod tests {
             assert_eq!(c.level(white).map(|l| l.0), Some(clip));
             assert_eq!(c.level(clip.into()), None, "white itself");
         }
-        // An odd level is believed of two photographs.
+        // An arbitrary level is accepted if two photographs share it.
         let mut c = Clipping::default();
         c.observe(&ramp(80, 3000), 0);
         assert_eq!(c.level(65_535.0), None);
@@ -108,7 +108,7 @@ mod tests {
     fn even_and_dim_photographs_do_not_clip() {
         let mut c = Clipping::default();
         c.observe(&ramp(30, u16::MAX), 0);
-        // Even light with noise of a few codes, twice.
+        // Uniform light with noise of a few codes, twice.
         for _ in 0..2 {
             c.observe(&raster((0..10_000_u32).map(|i| (2000 + i % 5) as u16)), 0);
         }

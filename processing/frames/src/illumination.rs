@@ -1,25 +1,26 @@
-//! Light that falls on the sample.
+//! Illumination of the sample.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Light that falls on the sample.
+/// Illumination of the sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Illumination {
-    /// Nobody said.
+    /// Not stated.
     #[default]
     Unknown,
-    /// A display behind a quarter-wave retarder: circular polarization, which models of gratings need (2018 paper, section 5.1).
+    /// Display behind a quarter-wave retarder: circular polarization, which models of gratings require (2018 paper,
+    /// section 5.1).
     CircularPanel,
     /// A bare LCD: linear polarization.
     LinearPanel,
-    /// Any other light: lamps, flash, daylight.
+    /// Other light: lamps, flash, daylight.
     Other,
 }
 
 impl Illumination {
-    /// All, with their names in files and options.
+    /// All kinds, with their names in files and options.
     pub const ALL: [(Self, &str); 4] = [
         (Self::Unknown, "unknown"),
         (Self::CircularPanel, "circular_panel"),

@@ -4,7 +4,7 @@ use super::{Channel, FrameSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Analyser angles of each 2×2 block of a polarization sensor, by name or by number.
+/// Analyser angles of each 2×2 block of a polarization sensor, by name or as numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
@@ -59,17 +59,17 @@ pub enum Bayer {
     Gbrg,
 }
 
-/// The filters on a polarization sensor.
+/// Filters of a polarization sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filters {
     /// Analyser angles of a 2×2 block in degrees, row by row.
     pub angles: [f64; 4],
-    /// Colours of a 4×4 super-pixel; none on monochrome sensors.
+    /// Colours of a 4×4 super-pixel; `None` for monochrome sensors.
     pub colour: Option<Bayer>,
 }
 
 impl Sensor {
-    /// All of them, by name.
+    /// All sensors, by name.
     pub const NAMES: [(&str, Self); 9] = [
         ("sony", Self::Sony),
         ("sony-colour", Self::SonyColour),
@@ -127,12 +127,13 @@ impl Bayer {
 }
 
 impl Filters {
-    /// Pixels along the side of a super-pixel, of which maps have one pixel.
+    /// Side of a super-pixel in pixels; maps have one pixel per super-pixel.
     pub fn block(&self) -> usize {
         if self.colour.is_some() { 4 } else { 2 }
     }
 
-    /// Pixels of a super-pixel, `(x, y)`, behind the `k`-th analyser angle and the channel's colour (default: green). Their light is averaged.
+    /// Pixels of a super-pixel, `(x, y)`, behind the `k`-th analyser angle and the channel's colour (default: green).
+    /// Their light is averaged.
     pub fn pixels(&self, k: usize, channel: Option<Channel>) -> Vec<[usize; 2]> {
         let blocks = self.colour.map_or_else(|| vec![[0, 0]], |c| c.blocks(channel.unwrap_or(Channel::G)));
         blocks.iter().map(|[x, y]| [2 * x + k % 2, 2 * y + k / 2]).collect()
@@ -140,7 +141,7 @@ impl Filters {
 }
 
 impl FrameSet {
-    /// The filters on the sensor's pixels; none for photographs of other cameras.
+    /// Filters on the sensor's pixels; `None` for photographs of other cameras.
     pub fn filters(&self) -> Option<Filters> {
         Some(match self.layout? {
             Layout::Named(sensor) => sensor.filters(),
@@ -148,9 +149,9 @@ impl FrameSet {
         })
     }
 
-    /// Number of the channel of its files that is read.
+    /// Index of the file channel to read.
     pub fn file_channel(&self) -> usize {
-        // The colours of a sensor are pixels of one channel.
+        // The colours of a mosaic sensor are pixels of one channel.
         if self.layout.is_some() { 0 } else { self.channel.map_or(0, Channel::index) }
     }
 }
@@ -174,7 +175,7 @@ mod tests {
         assert!(refused.contains("sony-colour"), "{refused}");
     }
 
-    /// R 90, R 45, G 90, G 45; R 135, R 0, …: the raw frame of a colour sensor in the documents of its users.
+    /// R 90, R 45, G 90, G 45; R 135, R 0, …: the raw frame of a colour sensor, as documented by its manufacturers.
     #[test]
     fn each_colour_covers_a_block_of_four_polarizers() {
         let filters = Sensor::SonyColour.filters();

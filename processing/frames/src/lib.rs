@@ -1,5 +1,5 @@
-//! `frames.json`: what a set of photographs is. The only input format of reconstructions; the capture engine writes
-//! it into every session folder, `nacre import` builds it for photographs taken elsewhere.
+//! `frames.json`, the description of a set of photographs and the only input format of reconstructions. The capture
+//! engine writes it into every session folder; `nacre import` creates it for other photographs.
 
 mod clipping;
 pub mod hdr;
@@ -32,90 +32,90 @@ use std::path::PathBuf;
 /// Name of the file that describes a folder of photographs.
 pub const FILE_NAME: &str = "frames.json";
 
-/// Name of the file beside it in the folder of a capture session.
+/// Name of the additional file in the folder of a capture session.
 pub const SESSION_FILE: &str = "session.json";
 
-/// A set of photographs and how their numbers become light.
-/// Linear value = transfer⁻¹((v - black)/(white - black)) / (exposure · gain).
+/// A set of photographs, and the conversion of their values to light. Linear value = transfer⁻¹((v - black)/(white -
+/// black)) / (exposure · gain).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameSet {
     /// Version of the format.
     #[serde(default)]
     pub version: Version<1>,
-    /// What was varied between the photographs.
+    /// Quantity varied between the photographs.
     pub kind: Kind,
     /// The photographs, in the order they were taken.
     pub frames: Vec<Frame>,
-    /// How the files encode light.
+    /// Transfer function of the files.
     pub transfer: Transfer,
-    /// File value of no light (default 0).
+    /// Black level: file value without light (default 0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub black: Option<f64>,
     /// File value of a saturated pixel (default: the largest value of the file's depth, 1 for floating point). Pixels
-    /// that reach it are not used.
+    /// at or above it are not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub white: Option<f64>,
-    /// Channel of colour files and of colour polarization sensors (default: the nearest to `wavelength_nm`, or green; all of kind
-    /// exposures). Refused for grey ones.
+    /// Channel of colour files and of colour polarization sensors. Default: the channel closest to `wavelength_nm`, or
+    /// green; all channels for kind exposures. Rejected for grey files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub channel: Option<Channel>,
-    /// Analyser angles of each 2×2 block of the sensor: a name such as `"sony"`, or degrees, `[[top left, top right], [bottom left,
-    /// bottom right]]`. Required for division_of_focal_plane, refused otherwise.
+    /// Analyser angles of each 2×2 block of the sensor: a name such as `"sony"`, or degrees, `[[top left, top right],
+    /// [bottom left, bottom right]]`. Required for division_of_focal_plane, rejected otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<Layout>,
-    /// Colour filters of each 4×4 super-pixel of a colour polarization sensor whose `layout` is in degrees. Sensors with a name state their own.
+    /// Colour filters of each 4×4 super-pixel of a colour polarization sensor with `layout` in degrees. Named sensors
+    /// imply them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<Bayer>,
-    /// Light that fell on the sample (default: unknown). Where it is a circular panel, the default of a reconstruction is a model of gratings, else
-    /// plain polarimetry.
+    /// Illumination of the sample (default: unknown). With a circular panel, reconstructions fit models of gratings by
+    /// default, otherwise plain polarimetry.
     #[serde(default, skip_serializing_if = "Illumination::is_unknown")]
     pub illumination: Illumination,
-    /// The sensor's noise; estimated from the photographs when it is not given.
+    /// Noise of the sensor (default: estimated from the photographs).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseModel>,
-    /// How far the analyser's angles are from where they are said to be, standard deviation in degrees; estimated from the photographs
-    /// when it is not given.
+    /// Standard deviation of the analyser angles in degrees (default: estimated from the photographs).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angle_sigma_deg: Option<f64>,
-    /// Photograph with the light off at the same exposure, subtracted from every frame.
+    /// Photograph without light at the same exposure, subtracted from every frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark: Option<PathBuf>,
-    /// Photograph of an evenly reflecting surface; intensities are divided by it relative to its mean.
+    /// Photograph of a uniformly reflecting surface; intensities are divided by it relative to its mean (flat field).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flat: Option<PathBuf>,
-    /// Middle of the filter's band in nm.
+    /// Centre wavelength of the filter in nm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
-    /// Full width at half maximum of the filter's band in nm.
+    /// Bandwidth of the filter in nm (full width at half maximum).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band_nm: Option<f64>,
-    /// Where sample, light and camera stood.
+    /// Distances between sample, light and camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<Distances>,
     /// Width and height of the panel in mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub panel_mm: Option<[f64; 2]>,
-    /// What the sample is made of (default: a film of index 1.5 on aluminium).
+    /// Material of the sample (default: a film of index 1.5 on aluminium).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<Material>,
 }
 
-/// What varies between the photographs of a set.
+/// Quantity varied between the photographs of a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// The angle of an analyser in front of the camera.
     Polarization,
-    /// The angle of four analysers on each 2×2 block of the sensor, which may have colour filters too.
+    /// The angle of four analysers on each 2×2 block of the sensor, with or without colour filters.
     DivisionOfFocalPlane,
     /// The exposure time.
     Exposures,
-    /// Nothing, or the analyser's angle, under the flash.
+    /// Nothing, or the analyser angle, under a flash.
     Flash,
-    /// Where the panel lights up.
+    /// The lit position or the fringes on the panel.
     Spots,
-    /// Whatever the frames say.
+    /// Any quantity that the frames state.
     Free,
 }
 
@@ -125,29 +125,30 @@ pub enum Kind {
 pub struct Frame {
     /// Image file, relative to the folder of `frames.json` and inside it.
     pub file: PathBuf,
-    /// Analyser angle, anticlockwise from image right as the camera sees it.
+    /// Analyser angle in degrees, anticlockwise from the right of the image as seen by the camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analyser_deg: Option<f64>,
-    /// Exposure time (default 1).
+    /// Exposure time in s (default 1).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure_s: Option<f64>,
     /// Gain relative to the camera's base (default 1).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gain: Option<f64>,
-    /// What the panel showed; nothing is a black panel, where the set's kind does not say otherwise.
+    /// Disc on the panel; without it the panel is black, unless the set's kind implies otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spot: Option<Spot>,
-    /// Stripes that the panel showed in place of a disc.
+    /// Fringes on the panel, instead of a disc.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fringes: Option<Fringes>,
-    /// Whether the flash was on (default: in sets of kind flash).
+    /// True if the flash was on (default: true in sets of kind flash).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flash: Option<bool>,
-    /// Where the flash was, in mm from the middle of the sample: right, up and out of it, as the camera sees it.
+    /// Position of the flash in mm from the centre of the sample: right, up, and along the outward normal, as seen by
+    /// the camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_mm: Option<[f64; 3]>,
-    /// Photograph with the light off at this frame's exposure, where the set has several exposures; subtracted from this
-    /// frame in place of the set's.
+    /// Photograph without light at this frame's exposure, for sets with several exposures. Subtracted from this frame
+    /// instead of the set's `dark`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark: Option<PathBuf>,
 }
@@ -156,23 +157,23 @@ pub struct Frame {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Spot {
-    /// Its middle, from the panel's middle to the right and up, in mm.
+    /// Centre in mm, to the right of and above the panel's centre.
     pub center_mm: [f64; 2],
-    /// Its diameter in mm.
+    /// Diameter in mm.
     pub diameter_mm: f64,
 }
 
-/// Stripes over the whole panel: luminance (1 + cos 2π(f · x + phase)) / 2; even light without a frequency.
+/// Fringes over the whole panel: luminance (1 + cos 2π(f · x + phase)) / 2; uniform light at zero frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fringes {
-    /// Spatial frequency to the right and up in cycles per mm.
+    /// Spatial frequency to the right and upwards in cycles per mm.
     pub cycles_per_mm: [f64; 2],
-    /// Phase at the panel's middle in cycles.
+    /// Phase at the panel's centre in cycles.
     pub phase: f64,
 }
 
-/// How file values relate to light.
+/// Transfer function between light and file values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Transfer {
@@ -182,11 +183,11 @@ pub enum Transfer {
     Srgb,
     /// Value = light^(1/gamma).
     Gamma(f64),
-    /// Not known: recovered from the photographs themselves, for kind exposures.
+    /// Unknown: recovered from the photographs, for kind exposures.
     Recover,
 }
 
-/// Exponents that cameras may have.
+/// Permitted exponents.
 const GAMMAS: std::ops::RangeInclusive<f64> = 0.1..=10.0;
 
 /// A channel of a colour file.
@@ -199,7 +200,7 @@ pub enum Channel {
     G,
     /// Blue.
     B,
-    /// The mean of the four colour filters of a colour polarization sensor; of EXR files their channel Y.
+    /// Mean of the four colour filters of a colour polarization sensor, or channel Y of EXR files.
     Luminance,
 }
 
@@ -207,21 +208,21 @@ pub enum Channel {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Distances {
-    /// Sample to camera and to the plane of the light, in mm.
+    /// Distance in mm from the sample to the camera and to the plane of the light.
     pub distance_mm: f64,
-    /// Camera to the middle of the light, in mm.
+    /// Distance in mm from the camera to the centre of the light.
     pub baseline_mm: f64,
-    /// Size of a pixel on the sample, in µm.
+    /// Pixel size on the sample in µm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixel_um: Option<f64>,
-    /// Pixel of the photographs that the camera stands over, from the left and from the top (default: half the baseline to
-    /// the left of the middle).
+    /// Pixel of the photographs below the camera, from the left and from the top (default: half the baseline to the
+    /// left of the centre).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_px: Option<[f64; 2]>,
 }
 
 impl FrameSet {
-    /// Linear photographs of which nothing more is known.
+    /// Linear photographs without further metadata.
     pub fn new(kind: Kind, frames: Vec<Frame>) -> Self {
         Self {
             version: Version,
@@ -248,7 +249,7 @@ impl FrameSet {
 }
 
 impl Frame {
-    /// A photograph of which nothing more is known.
+    /// A photograph without metadata.
     pub fn new(file: impl Into<PathBuf>) -> Self {
         Self {
             file: file.into(),
@@ -270,7 +271,7 @@ impl Frame {
 }
 
 impl Transfer {
-    /// Refuses exponents that no camera has, and what one photograph does not tell.
+    /// Rejects unusual exponents, and `Recover`, which a single photograph does not permit.
     ///
     /// # Errors
     /// `Input`.
@@ -287,7 +288,8 @@ impl Transfer {
         }
     }
 
-    /// Light (0 to 1) of an encoded value (0 to 1); values outside are continued linearly or as a power of 0.
+    /// Light (0 to 1) of an encoded value (0 to 1). Values above 1 continue the curve; negative ones give negative
+    /// light (linear, sRGB) or 0 (gamma).
     pub fn decode(self, v: f32) -> f32 {
         match self {
             Self::Linear | Self::Recover => v,
@@ -307,7 +309,7 @@ impl Transfer {
         }
     }
 
-    /// Light of a sample of a file, of which white is 1; NaN where an integer is at its end, which is saturated.
+    /// Light of a file's sample, relative to white; NaN at the largest integer, which is saturated.
     pub fn light(self, samples: &Samples, sample: usize) -> f32 {
         let (code, white) = match samples {
             Samples::U8(v) => (f32::from(v[sample]), Depth::U8.full_scale()),
@@ -317,7 +319,7 @@ impl Transfer {
         if code >= white { f32::NAN } else { self.decode(code / white) }
     }
 
-    /// Change of light per change of the encoded value, at encoded value `v`.
+    /// Derivative of light with respect to the encoded value `v`.
     pub fn slope(self, v: f64) -> f64 {
         match self {
             Self::Linear | Self::Recover => 1.0,
@@ -329,7 +331,7 @@ impl Transfer {
 }
 
 impl Channel {
-    /// The channel of a camera that is most sensitive at a wavelength in nm.
+    /// Channel of a camera with the highest sensitivity at a wavelength in nm.
     pub fn nearest(nm: f64) -> Self {
         match nm {
             nm if nm >= 590.0 => Self::R,
@@ -338,7 +340,7 @@ impl Channel {
         }
     }
 
-    /// Its name in a sentence.
+    /// Name in a sentence.
     pub fn name(self) -> &'static str {
         match self {
             Self::R => "red",
@@ -348,7 +350,7 @@ impl Channel {
         }
     }
 
-    /// Its name in an EXR file.
+    /// Name in an EXR file.
     pub fn letter(self) -> &'static str {
         match self {
             Self::R => "R",
@@ -358,7 +360,7 @@ impl Channel {
         }
     }
 
-    /// Position in an RGB pixel.
+    /// Index in an RGB pixel.
     pub fn index(self) -> usize {
         match self {
             Self::R => 0,

@@ -1,4 +1,4 @@
-//! From file values to light.
+//! Conversion of file values to light.
 
 use super::{Clipping, Frame, FrameSet, LoadedFrames, Transfer};
 use nacre_base::vectors::vectorised;
@@ -7,10 +7,10 @@ use nacre_image::{Depth, Raster, Samples, read_into};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Most dark photographs that belong to single frames of a set; they are all kept.
+/// Maximum number of dark photographs of single frames in a set; all are kept in memory.
 const MAX_DARKS: usize = 16;
 
-/// Turns the values of one set's files into light between 0 (black) and 1 (white). 8 and 16 bit go through a table.
+/// Converts the values of a set's files to light between 0 (black) and 1 (white). 8-bit and 16-bit values use a table.
 pub struct Linearizer {
     transfer: Transfer,
     black: f32,
@@ -18,31 +18,31 @@ pub struct Linearizer {
     white: f32,
     table: Vec<f32>,
     channel: usize,
-    /// Subtracted from frames that name no dark photograph of their own.
+    /// Subtracted from frames without an individual dark photograph.
     dark: Vec<f32>,
-    /// Those that frames name.
+    /// Individual dark photographs.
     darks: Vec<(PathBuf, Vec<f32>)>,
-    /// Memory of photographs that are gone, for the next ones: memory that is new to the program takes time.
+    /// Buffers of dropped photographs for reuse, because fresh memory is slow.
     spare: Mutex<Vec<Vec<u16>>>,
-    /// Values at which the photographs read so far clip.
+    /// Clipping values of the photographs read so far.
     clipping: Mutex<Clipping>,
 }
 
-/// Photographs whose memory is kept.
+/// Number of buffers kept.
 const SPARE: usize = 2;
 
-/// One decoded photograph, seen as rows of light.
+/// One decoded photograph, accessed as rows of light.
 pub struct LinearFrame<'a> {
     linearizer: &'a Linearizer,
     raster: Raster,
     scale: f32,
-    /// File value from which a pixel counts as saturated.
+    /// File value at and above which a pixel is saturated.
     limit: f32,
     dark: &'a [f32],
 }
 
 impl Linearizer {
-    /// For a checked set; reads its dark photographs if it has any.
+    /// For a validated set; reads its dark photographs, if any.
     pub fn new(frames: &LoadedFrames) -> Result<Self> {
         let set = &frames.set;
         let (black, white) = levels(set, frames.info.depth);
@@ -70,10 +70,10 @@ impl Linearizer {
         Ok(new)
     }
 
-    /// Reads dark photographs that these frames name and that are not known yet.
+    /// Reads new dark photographs of these frames.
     ///
     /// # Errors
-    /// `Input` when one cannot be read, or for more than 16 in all.
+    /// `Input` for an unreadable file, and for more than 16 dark photographs.
     pub fn learn(&mut self, frames: &LoadedFrames, new: &[Frame]) -> Result<()> {
         for dark in new.iter().filter_map(|f| f.dark.as_ref()) {
             if self.darks.iter().any(|(name, _)| name == dark) {
@@ -91,26 +91,26 @@ impl Linearizer {
         Ok(())
     }
 
-    /// Distance between two codes in units of white minus black; 0 for floating point.
+    /// Quantisation step in units of white minus black; 0 for floating-point files.
     pub fn step(&self) -> f64 {
         if self.table.is_empty() { 0.0 } else { self.factor.into() }
     }
 
-    /// Light of the lowest code, where the sensor cuts off; none for floating point, and where a dark photograph is subtracted from
-    /// what was cut off.
+    /// Light of the lowest code, at which the sensor clips. `None` for floating-point files, and with a dark photograph
+    /// that is subtracted after clipping.
     pub fn lowest(&self) -> Option<f64> {
         let subtracted = !self.dark.is_empty() || !self.darks.is_empty();
         self.table.first().filter(|_| !subtracted).map(|v| f64::from(*v))
     }
 
-    /// Decodes a photograph; its light is multiplied by `scale`.
+    /// Decodes a photograph and multiplies its light by `scale`.
     pub fn read(&self, path: &Path, scale: f64) -> Result<LinearFrame<'_>> {
         let spare = self.spare().pop().unwrap_or_default();
         let raster = read_into(path, spare)?;
         Ok(LinearFrame { linearizer: self, raster, scale: scale as f32, limit: self.white, dark: &self.dark })
     }
 
-    /// Decodes a frame of the set: light per exposure and gain, less the dark photograph that belongs to it.
+    /// Decodes a frame of the set: light per exposure and gain, with the applicable dark photograph subtracted.
     pub fn frame(&self, frames: &LoadedFrames, frame: &Frame) -> Result<LinearFrame<'_>> {
         let own = self.darks.iter().find(|(name, _)| Some(name) == frame.dark.as_ref());
         let mut decoded = self.read(&frames.file(&frame.file), frame.scale())?;
@@ -119,7 +119,7 @@ impl Linearizer {
         Ok(decoded)
     }
 
-    /// A warning where the photographs read so far clip below white.
+    /// Warning if the photographs read so far clip below white.
     pub fn clipping(&self) -> Option<String> {
         let clipping = self.clipping.lock().unwrap_or_else(PoisonError::into_inner);
         clipping.warning(self.white.into(), "in frames.json \"white\":")
@@ -129,12 +129,12 @@ impl Linearizer {
         self.spare.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gives back memory that is kept for more photographs.
+    /// Releases the buffers kept for reuse.
     pub fn rest(&self) {
         self.spare().clear();
     }
 
-    /// All light of one photograph, row by row.
+    /// Light of a whole photograph, row by row.
     pub fn plane(&self, path: &Path) -> Result<Vec<f32>> {
         let frame = self.read(path, 1.0)?;
         let width = frame.raster.width;
@@ -166,14 +166,14 @@ impl Drop for LinearFrame<'_> {
 }
 
 impl LinearFrame<'_> {
-    /// Counts pixels as saturated that are nearer to white than `margin` (of white minus black, in light).
+    /// Treats pixels within `margin` of white (in light, relative to white minus black) as saturated.
     pub fn below_white(mut self, margin: f64) -> Self {
         let l = self.linearizer;
         self.limit = l.white - (margin / l.transfer.slope(1.0)) as f32 / l.factor;
         self
     }
 
-    /// Light of row `y`; `bad[x]` is set to 1 where the pixel is saturated or not a number.
+    /// Light of row `y`; sets `bad[x]` to 1 where the pixel is saturated or not a number.
     pub fn row(&self, y: usize, light: &mut [f32], bad: &mut [u8]) {
         self.strided(y, 0, 1, light, bad);
     }
@@ -188,7 +188,7 @@ impl LinearFrame<'_> {
             Samples::U16(v) => integers(&v[first..], step, self, light, bad),
             Samples::F32(v) => {
                 for ((out, bad), value) in light.iter_mut().zip(bad).zip(v[first..].iter().step_by(step)) {
-                    // Stored as 0 to keep the sums finite.
+                    // Stored as 0, so that sums stay finite.
                     let unusable = !value.is_finite() || *value >= self.limit;
                     *bad |= u8::from(unusable);
                     *out = if unusable { 0.0 } else { l.light(*value) * self.scale };
@@ -202,11 +202,11 @@ impl LinearFrame<'_> {
     }
 }
 
-/// The common case, 8 and 16 bit: a pixel is saturated where its value reaches white.
+/// The common case of 8 and 16 bits: a pixel is saturated if its value reaches white.
 fn integers<T: Copy + Into<u16>>(v: &[T], step: usize, frame: &LinearFrame, light: &mut [f32], bad: &mut [u8]) {
     let (l, scale, limit) = (frame.linearizer, frame.scale, frame.limit);
     if step == 1 && l.transfer == Transfer::Linear {
-        // The table's own numbers, but calculated eight at a time.
+        // The same values as in the table, but computed eight at a time.
         let (black, factor) = (l.black, l.factor);
         vectorised(
             #[inline(always)]

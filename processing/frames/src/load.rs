@@ -1,4 +1,4 @@
-//! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
+//! Reading and validation of `frames.json`, which may come from any source and is not trusted.
 
 use super::stated::Stated;
 use super::{Channel, Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, Layout, SESSION_FILE, Spot, Transfer};
@@ -7,23 +7,24 @@ use nacre_base::{Error, Result};
 use nacre_image::{Info, Raster, Samples, details, read};
 use std::path::{Component, Path, PathBuf};
 
-/// Largest `frames.json` that is read; 10,000 frames need about 1 MiB.
+/// Maximum size of a `frames.json`; 10,000 frames need about 1 MiB.
 const MAX_BYTES: u64 = 16 << 20;
 
-/// A checked set: every file exists inside the folder and all have one size, depth and number of channels.
+/// A validated set: all files exist inside the folder and share size, depth and number of channels.
 #[derive(Clone, Debug)]
 pub struct LoadedFrames {
     /// The `frames.json` itself, for messages.
     pub path: PathBuf,
-    /// Folder that the file names are relative to.
+    /// Folder to which file names are relative.
     pub folder: PathBuf,
-    /// The checked contents.
+    /// Validated contents.
     pub set: FrameSet,
-    /// What all photographs have in common.
+    /// Properties common to all photographs.
     pub info: Info,
-    /// For the report: contradictions between description and files, and parts of files that are not read.
+    /// Warnings for the report: contradictions between description and files, and unread parts of files.
     pub warnings: Vec<String>,
-    /// A capture session took the photographs: a grating lit by the panel, behind an analyser that the engine turned.
+    /// True for photographs from a capture session: a grating lit by the panel, behind a motorised or hand-rotated
+    /// analyser.
     pub from_session: bool,
 }
 
@@ -34,17 +35,18 @@ impl LoadedFrames {
     }
 }
 
-/// Reads and checks a session folder, a folder that holds a `frames.json`, or a `frames.json`.
+/// Reads and validates a session folder, a folder with a `frames.json`, or a `frames.json`.
 ///
 /// # Errors
-/// `Input`, naming the file or key, for anything that cannot be used; no pixel is decoded yet.
+/// `Input`, naming the file or key; pixels are not decoded.
 pub fn load(input: &Path) -> Result<LoadedFrames> {
     let path = if input.is_dir() { input.join(FILE_NAME) } else { input.to_path_buf() };
     let set = parse(&path)?;
     complete(path, set, By::File)
 }
 
-/// Checks a set whose `frames.json` is to be at `path`. Options have described it, so that messages name flags rather than keys.
+/// Validates a set whose `frames.json` will be at `path`. The set stems from options, so messages name flags rather
+/// than keys.
 ///
 /// # Errors
 /// As [`load`].
@@ -65,27 +67,27 @@ fn complete(path: PathBuf, mut set: FrameSet, by: By) -> Result<LoadedFrames> {
     Ok(LoadedFrames { path, folder, set, info, warnings, from_session })
 }
 
-/// A set whose photographs a capture session is still taking into `folder`; `info` is what they will have in common.
+/// A set of photographs that a session still captures into `folder`; `info` gives their common properties.
 ///
 /// # Errors
-/// `Input` for values that cannot be used; no file is looked at.
+/// `Input` for invalid values; files are not checked.
 pub fn planned(folder: &Path, set: FrameSet, info: Info) -> Result<LoadedFrames> {
     let path = folder.join(FILE_NAME);
     check_values(&path, &set, By::File)?;
     Ok(LoadedFrames { path, folder: folder.to_path_buf(), set, info, warnings: vec![], from_session: true })
 }
 
-/// What describes a set, and so the words in which messages speak of its parts.
+/// Source of a description, which determines the terms in messages.
 #[derive(Clone, Copy)]
 enum By {
-    /// A `frames.json`, by its keys.
+    /// A `frames.json`, with keys.
     File,
-    /// Options of a command, by their flags.
+    /// Options of a command, with flags.
     Options,
 }
 
 impl By {
-    /// A key of the whole set, or the flag that sets it.
+    /// Key of the set, or its flag.
     fn name(self, key: &str) -> String {
         let option = key.split('.').next().unwrap_or(key);
         match self {
@@ -94,7 +96,7 @@ impl By {
         }
     }
 
-    /// A key of one frame, or its photograph.
+    /// Key of a frame, or its photograph.
     fn of_frame(self, set: &FrameSet, i: usize, key: &str) -> String {
         match (self, set.frames.get(i)) {
             (Self::Options, Some(frame)) => {
@@ -112,7 +114,7 @@ impl By {
     }
 }
 
-/// Text of a `frames.json`, one frame a line.
+/// Text of a `frames.json`, one frame per line.
 pub fn save(set: &FrameSet) -> String {
     // Serialising plain data with string keys cannot fail.
     let mut value = serde_json::to_value(set).unwrap_or_default();
@@ -208,7 +210,7 @@ fn check_values(path: &Path, set: &FrameSet, by: By) -> Result<()> {
     check_layout(&bad, set)
 }
 
-/// Checks the keys of polarization sensors: `layout`, `colour` and `channel`.
+/// Validates the keys of polarization sensors: `layout`, `colour` and `channel`.
 fn check_layout(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) -> Result<()> {
     let of_sensor = set.kind == Kind::DivisionOfFocalPlane;
     let key = if set.layout.is_some() { "layout" } else { "colour" };
@@ -235,7 +237,7 @@ fn check_layout(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet)
     Ok(())
 }
 
-/// What belongs to some kinds of set only, and numbers of spots.
+/// Validates keys specific to some kinds of set, and the values of spots.
 fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) -> Result<()> {
     let by_frame = matches!(set.kind, Kind::Exposures | Kind::Flash | Kind::Spots | Kind::Free);
     for (i, frame) in set.frames.iter().enumerate() {
@@ -309,7 +311,7 @@ fn check_files(path: &Path, folder: &Path, set: &FrameSet) -> Result<(Info, Stat
     Ok((info, stated))
 }
 
-/// Only plain names inside the folder: no absolute path, no `..`, no link that leads out of it.
+/// Accepts only relative paths inside the folder: no absolute path, no `..`, and no link that leads outside.
 fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf> {
     let plain = name.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
     let file = folder.join(name);
@@ -326,8 +328,8 @@ fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf>
     if real.starts_with(base) { Ok(file) } else { Err(leaves()) }
 }
 
-/// Refuses photographs whose channels do not fit the set; chooses one of colour photographs where the description leaves it open, which is
-/// returned as a warning.
+/// Rejects photographs whose channels do not fit the set. Selects a channel of colour photographs if the description
+/// leaves it open, and returns a warning about that.
 fn check_channels(file: &Path, set: &mut FrameSet, info: &Info, by: By) -> Result<Option<String>> {
     let channel = by.name("channel");
     let chosen = match (info.channels, set.channel) {
@@ -344,7 +346,7 @@ fn check_channels(file: &Path, set: &mut FrameSet, info: &Info, by: By) -> Resul
     Err(Error::file(file, format!("black ({black}) is not below white ({white})"), remedy))
 }
 
-/// The same of polarization sensors, whose raw frames have one channel or three equal ones.
+/// As [`check_channels`] for polarization sensors, whose raw frames have one channel, or three equal ones.
 fn check_sensor(file: &Path, set: &mut FrameSet, info: &Info, channel: &str) -> Result<Option<String>> {
     let Some(filters) = set.filters() else { return Ok(None) };
     let side = filters.block();
@@ -369,7 +371,7 @@ fn without_channels(file: &Path, channel: &str) -> Error {
     Error::file(file, "is grey, so it has no channels to choose from", format!("leave out {channel}"))
 }
 
-/// Chooses the channel of `what` that is nearest to the set's wavelength, and says so.
+/// Selects the channel of `what` closest to the set's wavelength, and returns a sentence about it.
 fn nearest_channel(what: &str, set: &mut FrameSet, channel: &str) -> String {
     let nearest = set.wavelength_nm.map_or(Channel::G, Channel::nearest);
     set.channel = Some(nearest);
@@ -377,7 +379,7 @@ fn nearest_channel(what: &str, set: &mut FrameSet, channel: &str) -> String {
     format!("{what}: the {} channel{reason} is used; {channel} chooses another", nearest.name())
 }
 
-/// Whether red, green and blue are equal in all pixels.
+/// True if red, green and blue are equal in all pixels.
 fn is_grey(raster: &Raster) -> bool {
     fn equal<T: PartialEq>(values: &[T]) -> bool {
         values.chunks_exact(3).all(|p| p[0] == p[1] && p[1] == p[2])

@@ -1,42 +1,42 @@
-//! Recognises raw frames of sensors with a mosaic of filters.
+//! Detection of raw frames of sensors with a filter mosaic.
 
 use nacre_base::statistics::median;
 use nacre_image::{Raster, Samples};
 
-/// Blocks of 2 × 2 pixels along the side of a tile; texture averages out over it, the mosaic does not.
+/// Side of a tile in blocks of 2 × 2 pixels; texture averages out over a tile, a mosaic does not.
 const TILE: usize = 8;
 
-/// Most tiles that are looked at, along a side.
+/// Maximum number of tiles along each axis.
 const TILES: usize = 40;
 
-/// Thresholds of the decision. On a raw frame of a camera with few polarized surfaces the first is 2.2; on photographs of rooms, renderings
-/// and screens it is 1 at most.
+/// Thresholds of the detection. The first ratio is 2.2 for a raw frame of a scene with few polarized surfaces, and at
+/// most 1 for photographs of rooms, renderings and screens.
 mod limits {
-    /// Least ratio of the differences within blocks (means of tiles) to those between neighbouring blocks.
+    /// Minimum ratio of differences within blocks (means over tiles) to those between adjacent blocks.
     pub const WITHIN_OVER_BETWEEN: f64 = 1.5;
-    /// Least difference within blocks, as a share of the mean value: codes of even surfaces round.
+    /// Minimum difference within blocks relative to the mean value, because codes of uniform surfaces are rounded.
     pub const OF_MEAN: f64 = 0.01;
 }
 
-/// The mosaic of filters on a sensor.
+/// Filter mosaic of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mosaic {
-    /// Polarizers or colours that repeat every 2 pixels.
+    /// Polarizers or colours with a period of 2 pixels.
     Every2,
-    /// Colours that each cover 2 × 2 polarizers (or 2 × 2 plain pixels): they repeat every 4 pixels.
+    /// Colours that each cover 2 × 2 polarizers (or 2 × 2 plain pixels), with a period of 4 pixels.
     Every4,
 }
 
-/// The mosaic behind which a photograph was taken; none where pixels do not differ as behind polarizers or colour filters.
+/// Mosaic of the sensor that took a photograph; `None` if pixels show no pattern of polarizers or colour filters.
 pub fn mosaic(raster: &Raster) -> Option<Mosaic> {
-    // Sums over blocks of 2 × 2 pixels lose the polarizers and keep the colours above them.
+    // Sums over blocks of 2 × 2 pixels cancel the polarizers and keep the colours above them.
     [(2, Mosaic::Every4), (1, Mosaic::Every2)]
         .into_iter()
         .find(|(bin, _)| differs(raster, *bin))
         .map(|(_, found)| found)
 }
 
-/// Whether sums over `bin` × `bin` pixels differ within blocks of 2 × 2 of them.
+/// True if sums over `bin` × `bin` pixels differ within blocks of 2 × 2 sums.
 fn differs(raster: &Raster, bin: usize) -> bool {
     let [across, down] = [raster.width, raster.height].map(|n| n / (2 * TILE * bin));
     if raster.width % (2 * bin) + raster.height % (2 * bin) > 0 || across == 0 || down == 0 {
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
     use std::path::{Path, PathBuf};
 
-    /// `kind(x, y)` gives the factor of a pixel on a smooth picture with noise.
+    /// A smooth noisy picture; `kind(x, y)` is the factor of a pixel.
     fn frame(kind: impl Fn(usize, usize) -> f64) -> Raster {
         let value = |i: usize| {
             let (x, y) = (i % 128, i / 128);

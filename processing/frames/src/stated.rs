@@ -1,29 +1,29 @@
-//! Statements of image files about their values, compared with the description of the set.
+//! Comparison of image files' statements about their values with the description of the set.
 
 use super::{FrameSet, Transfer};
 use nacre_base::{Error, Result};
 use nacre_image::{Curve, Details, details};
 use std::path::{Path, PathBuf};
 
-/// Relative difference of exponents that counts as rounding: gAMA 0.45455 is 2.19998.
+/// Relative difference of exponents attributed to rounding: gAMA 0.45455 corresponds to 2.19998.
 const SAME_EXPONENT: f64 = 0.01;
 
-/// Difference of levels within a set, as a share of white: some cameras measure black for each photograph.
+/// Maximum difference of levels within a set, relative to white, since some cameras measure black for each photograph.
 const SAME_LEVEL: f64 = 0.005;
 
 impl Transfer {
-    /// The transfer function of a curve; `None` for curves that are not read.
+    /// Transfer function of a curve; `None` for unsupported curves.
     pub fn of(curve: Curve) -> Option<Self> {
         match curve {
             Curve::Linear => Some(Self::Linear),
             Curve::Srgb => Some(Self::Srgb),
-            // Two digits are all that exponents are known to.
+            // Exponents are significant to two digits.
             Curve::Gamma(gamma) => Some(Self::Gamma((100.0 * gamma).round() / 100.0)),
             Curve::Other => None,
         }
     }
 
-    /// As `--transfer` takes it.
+    /// Name for `--transfer`.
     pub fn option(self) -> String {
         match self {
             Self::Linear => "linear".into(),
@@ -54,7 +54,7 @@ impl Stated {
         self.files.push((file, details));
     }
 
-    /// Refuses files of different orientations or largest values, which no set has.
+    /// Rejects files with different orientations or largest values.
     pub fn check(&self) -> Result<()> {
         let Some((first, wanted)) = self.files.first() else { return Ok(()) };
         for (file, found) in &self.files {
@@ -80,7 +80,7 @@ impl Stated {
         Ok(())
     }
 
-    /// Takes black and white from the files where the description gives none; returns warnings about their other statements.
+    /// Fills missing black and white levels from the files; returns warnings about their other statements.
     pub fn complete(&self, set: &mut FrameSet) -> Vec<String> {
         let Some((_, first)) = self.files.first() else { return vec![] };
         let blacks: Option<Vec<f64>> = self.files.iter().map(|(_, d)| d.black).collect();
@@ -89,7 +89,7 @@ impl Stated {
         self.warnings(set.transfer)
     }
 
-    /// Statements that reading with this transfer function contradicts or leaves out.
+    /// Warnings about statements that contradict this transfer function or are ignored.
     fn warnings(&self, transfer: Transfer) -> Vec<String> {
         let said = |clause: &dyn Fn(&Details) -> Option<String>| {
             let all: Vec<(&Path, String)> =
@@ -121,8 +121,8 @@ impl Stated {
     }
 }
 
-/// Warnings about the file of a photograph that is read by itself, with this transfer function and the largest value of its type as white.
-/// A file that cannot be read has none: reading it says why.
+/// Warnings about a single photograph's file, read with this transfer function and the largest value of its type as
+/// white. An unreadable file has none, since reading it reports the error.
 pub(super) fn warnings_of(file: &Path, transfer: Transfer) -> Vec<String> {
     let Ok(details) = details(file) else { return vec![] };
     let highest = f64::from(details.info.depth.full_scale());

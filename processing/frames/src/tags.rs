@@ -1,28 +1,28 @@
-//! Exposures of photographs by their Exif tags.
+//! Exposures of photographs from Exif tags.
 
 use nacre_base::{Error, Result};
 use nacre_image::exposure;
 use std::path::{Path, PathBuf};
 
-/// Sensitivity that counts as gain 1.
+/// ISO sensitivity of gain 1.
 const BASE_ISO: f64 = 100.0;
 
-/// f-numbers are rounded to two digits in files: f/5.6 stands for 2^(5/2) = 5.657. Those within this share of a third of a stop are it.
+/// Tolerance for rounded f-numbers, as a fraction of a third of a stop: f/5.6 represents 2^(5/2) = 5.657.
 const ROUNDED: f64 = 0.03;
 
-/// How a photograph was exposed.
+/// Exposure of a photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tagged {
     /// Exposure time in s.
     pub seconds: Option<f64>,
-    /// Sensitivity over ISO 100, times the aperture's area over that of the first photograph.
+    /// Sensitivity relative to ISO 100, times the aperture area relative to that of the first photograph.
     pub gain: Option<f64>,
 }
 
-/// Reads the exposure of each photograph. Apertures that differ count by their area; the second value then says so.
+/// Reads the exposure of each photograph. Different apertures count by their area; the second value is then a warning.
 ///
 /// # Errors
-/// `Input` when apertures differ and one is missing.
+/// `Input` if apertures differ and one is missing.
 pub fn exposures(folder: &Path, files: &[PathBuf]) -> Result<(Vec<Tagged>, Option<String>)> {
     let tags: Vec<_> = files.iter().map(|file| exposure(&folder.join(file))).collect();
     let apertures: Vec<Option<f64>> = tags.iter().map(|t| t.and_then(|t| t.f_number).map(exact)).collect();
@@ -56,7 +56,7 @@ pub fn exposures(folder: &Path, files: &[PathBuf]) -> Result<(Vec<Tagged>, Optio
     Ok((times.zip(gains).map(|(seconds, gain)| Tagged { seconds, gain }).collect(), warning))
 }
 
-/// The f-number that a rounded one stands for.
+/// Exact f-number of a rounded one.
 fn exact(n: f64) -> f64 {
     let thirds = (6.0 * n.log2()).round();
     let near = (thirds / 6.0).exp2();
@@ -67,13 +67,13 @@ fn exact(n: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A file that is nothing but tags: a TIFF with Exif entries of rational numbers.
+    /// A file with tags only: a TIFF with Exif entries of rational numbers.
     fn tagged(path: &Path, tags: &[(u16, [u32; 2])]) {
         let mut file = b"II\x2a\0\x08\0\0\0".to_vec();
         let entry = |tag: u16, kind: u16, value: u32| {
             [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1_u32.to_le_bytes(), &value.to_le_bytes()].concat()
         };
-        // The first directory points to that of Exif, right behind it.
+        // The first directory points to the Exif directory that follows it.
         file.extend(1_u16.to_le_bytes());
         file.extend(entry(0x8769, 4, 26));
         file.extend([0; 4]);
@@ -104,11 +104,11 @@ mod tests {
         assert_eq!(all[2].seconds, Some(1.0 / 64.0));
         let warning = warning.unwrap();
         assert!(warning.contains("f/5.657") && warning.contains("b.tif"), "{warning}");
-        // One that does not say it.
+        // A file without an aperture.
         write(2, &[(0x829a, [1, 50])]);
         let error = exposures(dir.path(), &files).unwrap_err().to_string();
         assert!(error.contains("c.tif") && error.contains("f-number"), "{error}");
-        // One aperture for all is none of interest.
+        // A single aperture for all photographs is ignored.
         let (same, warning) = exposures(dir.path(), &files[..1]).unwrap();
         assert_eq!((same[0].gain, warning), (None, None));
     }

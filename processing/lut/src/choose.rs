@@ -1,7 +1,7 @@
-//! The cheapest way to a table that is as exact as asked for.
+//! Selection of the cheapest summation method that meets the requested error.
 //!
-//! What interpolation between rays costs is tried out on the photograph itself, and what interpolation along rays costs on a few
-//! entries; the time is counted.
+//! Interpolation errors between rays are measured on the photograph itself, those along rays on a few entries.
+//! Computation time is predicted by counting operations.
 
 use super::kernel::{Kernel, Weight};
 use super::rays::{Fineness, Layout};
@@ -12,54 +12,56 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Distances of rays and samples that are considered, in quarters of a pixel, and every which sample becomes a row of the table.
+/// Candidate spacings of rays and samples in quarters of a pixel, and candidate strides from samples to rows of the
+/// table.
 const QUARTERS: [usize; 6] = [8, 6, 4, 3, 2, 1];
 const EVERY: [usize; 3] = [4, 2, 1];
 
-/// Samples of single entries, in pixels of the photograph.
+/// Sample spacing of single entries, in pixels of the photograph.
 const SINGLE_PX: f64 = 0.5;
 
-/// Nearer to the zero order than this part of the photograph's shorter side its light is no measure of the orders'.
+/// Radius around the zero order, as a fraction of the photograph's shorter side, whose light is excluded: it does not
+/// represent the diffraction orders.
 const INSIDE: f64 = 0.075;
 
-/// Squared light of less than this part of the whole is no light.
+/// Fraction of the total squared light below which a region counts as black.
 const TRACES: f64 = 1e-8;
 
-/// Part of the wanted error that the prediction may use up: it is a sample.
+/// Safety factor: the predicted error, itself a sample, must stay below this fraction of the requested one.
 const MARGIN: f64 = 0.5;
 
-/// Most memory of an octave's entries, in bytes; they are there twice while they are put in order.
+/// Maximum memory of an octave's entries in bytes; two copies exist while they are sorted.
 const MEMORY: usize = 1 << 30;
 
-/// Nanoseconds of CPU time: a sample of the photograph, a weight of a sample for 16 rays, an entry from an octave. As the example
-/// `lookup_table` has them on one machine; they need only be right against each other.
+/// CPU time in ns of one photograph sample, of one sample weight for 16 rays, and of one entry interpolated from an
+/// octave. Measured with the example `lookup_table` on one machine; only the ratios matter.
 const SAMPLE_NS: f64 = 15.0;
 const WEIGHT_NS: f64 = 4.7;
 const ENTRY_NS: f64 = 45.0;
 
-/// What was chosen, and why.
+/// Selected summation method and its predicted cost.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "LutChoice")]
 pub struct Choice {
     /// `rays`, `single` or `fixed`.
     pub method: &'static str,
-    /// Distance of rays and of samples in pixels of the photograph, at the rim; none for `fixed`.
+    /// Spacing of rays and samples at the rim, in pixels of the photograph; `None` for `fixed`.
     pub spacing_px: Option<f64>,
-    /// Distance of wavelengths in nm; for `fixed` only.
+    /// Spacing of wavelengths in nm; for `fixed` only.
     pub step_nm: Option<f64>,
-    /// Root mean square error at the rim, relative to the table's root mean square there, that this setting was expected to have.
+    /// Predicted root mean square error at the rim, relative to the root mean square of the table there.
     pub predicted_error: Option<f64>,
-    /// CPU time that was expected, in s.
+    /// Predicted CPU time in s.
     pub predicted_s: f64,
-    /// In words.
+    /// Reason for the choice.
     pub why: String,
 }
 
-/// Errors of interpolation that were tried out.
+/// Measured interpolation errors.
 pub(super) struct Trial {
     /// Between rays, for each of [`QUARTERS`].
     across: [f64; QUARTERS.len()],
-    /// Along a ray, at multiples of a quarter of a pixel.
+    /// Along a ray, for spacings in quarters of a pixel.
     along: Vec<(usize, f64)>,
 }
 
@@ -77,7 +79,7 @@ impl Trial {
     }
 }
 
-/// Squares of the error of interpolating samples so far apart, and of their own.
+/// Sum of squared errors of interpolation with a stride of `every` samples, and sum of squared samples.
 fn interpolation(fine: &[f32], every: usize) -> [f64; 2] {
     let (mut square, mut all) = (0.0, 0.0);
     for k in every..fine.len().saturating_sub(2 * every) {
@@ -90,8 +92,8 @@ fn interpolation(fine: &[f32], every: usize) -> [f64; 2] {
     [square, all]
 }
 
-/// Root mean square of the error of interpolation, over the samples' own. Of all lines together: where there is little light there is
-/// mostly noise, which nobody can interpolate, and which no one will miss.
+/// Root mean square interpolation error relative to the root mean square of the samples. All lines are pooled: dark
+/// lines hold mostly noise, whose relative error is meaningless.
 fn together(lines: &[Vec<f32>], every: usize) -> f64 {
     let add = |[a, b]: [f64; 2], line: &Vec<f32>| {
         let [square, all] = interpolation(line, every);
@@ -101,8 +103,8 @@ fn together(lines: &[Vec<f32>], every: usize) -> f64 {
     if all > 0.0 { (square / all).sqrt() } else { 0.0 }
 }
 
-/// Squared light of the photograph in each of `bins`; `bin` takes the distance from the zero order in pixels, and the angle of the half
-/// vector there.
+/// Squared light of the photograph summed into `bins`; `bin` maps distance from the zero order in pixels and angle of
+/// the half vector to a bin.
 fn squares(source: &Source, bins: usize, bin: impl Fn(f32, f32) -> Option<usize> + Sync) -> Vec<f64> {
     const ROWS: usize = 64;
     let (plane, [x0, y0]) = (source.plane, source.center.map(|c| c as f32));
@@ -121,14 +123,14 @@ fn squares(source: &Source, bins: usize, bin: impl Fn(f32, f32) -> Option<usize>
         }
         sums
     };
-    // In order, so that sums are the same every time.
+    // Added in order, so that sums are reproducible.
     let strips: Vec<Vec<f64>> = (0..plane.height.div_ceil(ROWS)).into_par_iter().map(strip).collect();
     let mut all = vec![0.0; bins];
     strips.iter().for_each(|strip| all.iter_mut().zip(strip).for_each(|(sum, s)| *sum += s));
     all
 }
 
-/// Squared light of the photograph in rings of one pixel around the zero order's surroundings.
+/// Squared light of the photograph in rings of one pixel, outside of the zero order's surroundings.
 struct Rings(Vec<f64>);
 
 impl Rings {
@@ -147,14 +149,14 @@ impl Rings {
         &self.0[first..=(outer as usize).clamp(first, last)]
     }
 
-    /// Whether there is light between two radii, rather than traces that the interpolation leaves in a black background; also where
-    /// there is none anywhere.
+    /// True if light between two radii exceeds the traces that interpolation leaves in a black background; also true
+    /// for a black photograph.
     fn lit(&self, radii: [f64; 2]) -> bool {
         self.between(radii).iter().sum::<f64>() >= TRACES * self.0.iter().sum::<f64>()
     }
 }
 
-/// The bins in the middle of `count` parts of equal sums; evenly placed ones where there is nothing.
+/// The central bins of `count` parts with equal sums; evenly spaced bins if all sums are 0.
 fn middles(sums: &[f64], count: usize) -> Vec<usize> {
     let all: f64 = sums.iter().sum();
     let part = |k: usize| (k as f64 + 0.5) / count as f64;
@@ -172,7 +174,8 @@ fn middles(sums: &[f64], count: usize) -> Vec<usize> {
     (0..count).map(|k| reached.partition_point(|r| *r < part(k)).min(sums.len() - 1)).collect()
 }
 
-/// Of the photograph on circles around the zero order, where its light lies: near the rim, or further in if it is black there.
+/// Interpolation error between rays, on circles around the zero order through its light: near the rim or, if that is
+/// black, further inside.
 fn across(source: &Source, rings: &Rings) -> [f64; QUARTERS.len()] {
     const CIRCLES: usize = 4;
     let half = 0.5 * source.plane.width.min(source.plane.height) as f64;
@@ -192,7 +195,8 @@ fn across(source: &Source, rings: &Rings) -> [f64; QUARTERS.len()] {
     QUARTERS.map(|q| together(&circles, q))
 }
 
-/// Of entries along a few rays where light lies that they add up: near the rim, or further in if it is black there.
+/// Interpolation error along a few rays through entries that sum light: near the rim or, if that is black, further
+/// inside.
 fn along(source: &Source, kernel: &Kernel, rim: f64, rings: &Rings) -> Vec<(usize, f64)> {
     const RAYS: usize = 16;
     const ENTRIES: usize = 100;
@@ -223,7 +227,7 @@ fn along(source: &Source, kernel: &Kernel, rim: f64, rings: &Rings) -> Vec<(usiz
     spacings.into_iter().map(|q| (q, together(&rays, q))).collect()
 }
 
-/// CPU time of a method in s, and whether memory is enough for it.
+/// CPU time of a method in s, and whether memory suffices.
 fn cost(source: &Source, kernel: &Kernel, grid: &Grid, method: Method) -> (f64, bool) {
     let corner = grid.extent / source.scale * 2.0_f64.sqrt();
     let entries = (grid.size * grid.size) as f64;
@@ -235,7 +239,7 @@ fn cost(source: &Source, kernel: &Kernel, grid: &Grid, method: Method) -> (f64, 
             ns += entries * span / step_nm * SAMPLE_NS;
         }
         Method::Single { spacing_px } => {
-            // Entries are spread evenly: three quarters of them lie in the outermost octave.
+            // Entries are evenly distributed, hence three quarters of them lie in the outermost octave.
             let mut outer = corner;
             while outer > INNER_PX {
                 ns += 0.75 * entries * (outer / corner).powi(2) * (high - low) * outer / spacing_px * SAMPLE_NS;
@@ -258,14 +262,14 @@ fn cost(source: &Source, kernel: &Kernel, grid: &Grid, method: Method) -> (f64, 
     (ns * 1e-9, fits)
 }
 
-/// The cheapest method whose error is expected to stay below the wanted one.
+/// The cheapest method whose predicted error is within the requested one.
 pub(super) fn choose(source: &Source, kernel: &Kernel, grid: &Grid, wanted: f64) -> (Method, Choice) {
     let trial = Trial::new(source, kernel, grid);
     let rays = QUARTERS.iter().flat_map(|q| EVERY.map(|every| (*q, every))).map(|(quarters, every)| {
         let method = Method::Rays(Fineness { spacing_px: 0.25 * quarters as f64, every });
         (method, trial.error(quarters, every))
     });
-    // Single entries need no interpolation; theirs is what half a pixel leaves over between samples.
+    // Single entries are not interpolated; their error is that of half-pixel sampling.
     let single = (Method::Single { spacing_px: SINGLE_PX }, trial.error(1, 1));
     let mut all: Vec<(Method, f64, f64)> = rays
         .chain([single])
@@ -277,7 +281,7 @@ pub(super) fn choose(source: &Source, kernel: &Kernel, grid: &Grid, wanted: f64)
     all.sort_by(|a, b| a.2.total_cmp(&b.2));
     let meets = all.iter().find(|(_, error, _)| *error <= MARGIN * wanted);
     let finest = || all.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-    // Single entries always fit into memory, so there is one.
+    // Single entries always fit into memory, so the list is never empty.
     let (method, error, seconds) = meets.or_else(finest).copied().unwrap_or((single.0, single.1, 0.0));
     let limit = 100.0 * MARGIN * wanted;
     let why = if meets.is_some() {
@@ -288,7 +292,7 @@ pub(super) fn choose(source: &Source, kernel: &Kernel, grid: &Grid, wanted: f64)
     (method, describe(method, Some(error), seconds, why))
 }
 
-/// A method that was asked for.
+/// A method selected by the user.
 pub(super) fn given(source: &Source, kernel: &Kernel, grid: &Grid, method: Method) -> Choice {
     describe(method, None, cost(source, kernel, grid, method).0, "asked for".into())
 }
@@ -302,21 +306,23 @@ fn describe(method: Method, predicted_error: Option<f64>, predicted_s: f64, why:
     Choice { method, spacing_px, step_nm, predicted_error, predicted_s, why }
 }
 
-/// Entries of the rim, and of all, that a table is checked on.
+/// Number of entries at the rim, and of entries anywhere, used to verify a table.
 const CHECKED: usize = 256;
 
-/// Distance of samples of the check, in pixels.
+/// Sample spacing of the verification, in pixels.
 const CHECK_PX: f64 = 0.25;
 
-/// Mean squared light of the checked entries over that of the rim, below which they have missed its light.
+/// Ratio of the mean squared light of checked entries to that of the rim, below which the check has missed the rim's
+/// light.
 const MISSED: f64 = 1e-4;
 
-/// Root mean square of what some entries are off from a finer sum, over their own: of the rim or of all, whichever is worse; and the same
-/// of the rim for a zero order that lies elsewhere. None where there is no light.
+/// Root mean square error of sampled entries against a finer sum, relative to their root mean square: the larger of rim
+/// and whole table. Second value: the relative change at the rim when the zero order moves by `moved` pixels. `None`
+/// without light.
 pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight], moved: f64) -> [Option<f64>; 2] {
     let (size, half) = (grid.size, grid.size / 2);
     let rim = (0.6 * half as f64) as usize;
-    // Places by the golden ratio's multiples fill rim and table evenly.
+    // Multiples of irrational ratios distribute positions evenly over rim and table.
     let part = |k: usize, ratio: f64, n: usize| ((k as f64 * ratio).fract() * n as f64) as usize;
     let of_rim = |k: usize| {
         let across = rim + part(k, 0.754_877_666_2, half - rim);
@@ -363,7 +369,7 @@ pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight]
         let (sum, count) = squares.fold((0.0, 0_u32), |(sum, count), square| (sum + square, count + 1));
         CHECKED as f64 * sum / f64::from(count.max(1))
     };
-    // Next to nothing: the checked entries missed the rim's light, or there is none but traces.
+    // Lower bounds that detect a missed rim, or a rim with mere traces of light.
     let (least, dark) = (MISSED * mean(rim, true), TRACES * mean((2.0 * INSIDE * half as f64) as usize, false));
     let relative = |square: f64, all: f64| (all > dark).then(|| (square / all.max(least)).sqrt());
     let ([off, displaced, light], [off_all, _, light_all]) = (all(&of_rim, moved as f32), all(&anywhere, 0.0));
@@ -371,7 +377,7 @@ pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight]
     [worse.filter(|_| light > dark), relative(displaced, light)]
 }
 
-/// Y of an entry, were the zero order elsewhere by so much.
+/// Y of an entry, with the zero order displaced by (du, dv) pixels.
 fn shifted(source: &Source, taps: &[(f32, Weight)], [u, v]: [f32; 2], [du, dv]: [f32; 2]) -> f64 {
     let center = [source.center[0] + f64::from(du), source.center[1] + f64::from(dv)];
     f64::from(Source { plane: source.plane, center, scale: source.scale }.sum(taps, u, v)[1])

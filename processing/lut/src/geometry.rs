@@ -1,4 +1,4 @@
-//! From places in a photograph to half vectors, when camera and flash are near.
+//! Mapping of photograph pixels to half vectors for a nearby camera and flash.
 
 use nacre_base::{Error, Result};
 use nacre_optics::geometry::Geometry;
@@ -8,39 +8,39 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
-/// Newton's steps from a pixel to its place; each doubles the digits.
+/// Newton iterations from a pixel to its position; each doubles the number of correct digits.
 const STEPS: usize = 6;
 
-/// Most pixels of a side of what is resampled, as a multiple of the photograph's.
+/// Maximum side of the resampled image, relative to the photograph's.
 const LARGEST: f64 = 3.0;
 
-/// Where camera and flash stood above a flat surface.
+/// Camera and flash above a flat surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Arrangement {
-    /// Camera above the surface, in mm; it looks straight down.
+    /// Height of the camera above the surface in mm; it looks straight down.
     pub camera_mm: f64,
-    /// Flash above the surface, in mm.
+    /// Height of the flash above the surface in mm.
     pub flash_mm: f64,
-    /// From the camera to the flash, to the right and up in the photograph, in mm.
+    /// Displacement from camera to flash in mm, to the right and upwards in the photograph.
     #[serde(default)]
     pub baseline_mm: [f64; 2],
-    /// Size of a pixel on the surface, in µm.
+    /// Pixel size on the surface in µm.
     pub pixel_um: f64,
 }
 
-/// Where camera, surface and flash were: measured by hand, or calibrated.
+/// Positions of camera, surface and flash: measured by hand, or calibrated.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Placement {
-    /// A camera that looks straight down.
+    /// Camera looking straight down.
     Arranged(Arrangement),
-    /// As geometry.json says it: any camera, with its lens, and the light.
+    /// Contents of geometry.json: any camera pose, with lens distortion and the light.
     Calibrated(Box<Geometry>),
 }
 
 impl<'de> Deserialize<'de> for Placement {
-    /// Tells the two apart by the key `camera`, so that a mistake in either is named.
+    /// Selects the variant by the key `camera`, so that errors name the key of the intended variant.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
         let value = Value::deserialize(deserializer)?;
         if value.get("camera").is_some() {
@@ -50,11 +50,11 @@ impl<'de> Deserialize<'de> for Placement {
     }
 }
 
-/// How far the zero order may be from where a calibrated geometry has it, as a half vector: more is another set-up.
+/// Maximum distance of the zero order from the calibrated one, as a half vector; a larger one indicates another setup.
 const ASTRAY: f64 = 0.03;
 
 impl Placement {
-    /// Refuses what is none.
+    /// Validates the arrangement or geometry.
     ///
     /// # Errors
     /// `Input`.
@@ -65,10 +65,11 @@ impl Placement {
         }
     }
 
-    /// With the zero order of a photograph of this size where it was found.
+    /// Geometry of a photograph of this size, aligned to its measured zero order.
     ///
     /// # Errors
-    /// `Input` for a geometry without a light, of photographs of another size, or with the zero order elsewhere.
+    /// `Input` for a geometry without a light, for another photograph size, and for a zero order far from the expected
+    /// one.
     pub(super) fn view(&self, size: [usize; 2], center: [f64; 2]) -> Result<View<'_>> {
         match self {
             Self::Arranged(a) => {
@@ -109,28 +110,28 @@ impl Placement {
     }
 }
 
-/// Place on the surface, which is the plane z = 0, that mirrors a light into the camera.
+/// Point on the surface z = 0 that reflects a light into the camera.
 fn mirrored(light: [f64; 3], viewer: [f64; 3]) -> [f64; 2] {
     let share = viewer[2] / (viewer[2] + light[2]);
     [0, 1].map(|k| viewer[k] + share * (light[k] - viewer[k]))
 }
 
-/// A photograph of a surface, in mm in its plane.
+/// Photograph of a surface, in mm of the surface plane.
 pub(super) struct View<'a> {
     light: [f64; 3],
     viewer: [f64; 3],
     pixels: Pixels<'a>,
 }
 
-/// From places to pixels.
+/// Mapping from surface positions to pixels.
 enum Pixels<'a> {
-    /// Evenly: a place, its pixel, and the size of pixels.
+    /// Linear: a surface position, its pixel, and the pixel size in mm.
     Even { zero: [f64; 2], center: [f64; 2], mm: f64 },
-    /// Through a lens, and so many pixels beside where it has them.
+    /// Camera model, with an offset in pixels.
     Seen { geometry: &'a Geometry, shift: [f64; 2] },
 }
 
-/// A photograph over half vectors.
+/// A photograph resampled to half vectors.
 pub(super) struct Resampled {
     pub light: Vec<f32>,
     pub width: usize,
@@ -157,7 +158,7 @@ impl Towards {
 }
 
 impl Arrangement {
-    /// Refuses what is none.
+    /// Validates the arrangement.
     ///
     /// # Errors
     /// `Input`.
@@ -183,7 +184,7 @@ impl Arrangement {
 }
 
 impl View<'_> {
-    /// Place that a pixel shows; NaN where it looks past the surface.
+    /// Surface position seen by a pixel; NaN if it misses the surface.
     fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self.pixels {
             Pixels::Even { zero, center, mm } => [zero[0] + (x - center[0]) * mm, zero[1] - (y - center[1]) * mm],
@@ -193,7 +194,7 @@ impl View<'_> {
         }
     }
 
-    /// Pixel that shows a place; NaN where none does.
+    /// Pixel that sees a surface position; NaN if none does.
     fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self.pixels {
             Pixels::Even { zero, center, mm } => [center[0] + (x - zero[0]) / mm, center[1] - (y - zero[1]) / mm],
@@ -203,7 +204,7 @@ impl View<'_> {
         }
     }
 
-    /// Geometric mean of a pixel's sides at a place, in mm.
+    /// Geometric mean of a pixel's sides on the surface, in mm.
     fn pixel_mm(&self, at: [f64; 2]) -> f64 {
         let [x, y] = self.pixel(at);
         let [right, down] = [self.place([x + 1.0, y]), self.place([x, y + 1.0])];
@@ -211,7 +212,7 @@ impl View<'_> {
         (a[0] * b[1] - a[1] * b[0]).abs().sqrt()
     }
 
-    /// Where the zero order lies.
+    /// Surface position of the zero order.
     fn zero(&self) -> [f64; 2] {
         mirrored(self.light, self.viewer)
     }
@@ -220,7 +221,7 @@ impl View<'_> {
         [Towards::new(self.light, at), Towards::new(self.viewer, at)]
     }
 
-    /// −(ωi + ωo) along the surface at a place, and how it changes with the place: xx, xy, yy.
+    /// −(ωi + ωo) along the surface at a position, and its derivatives xx, xy, yy.
     fn offset(&self, at: [f64; 2]) -> ([f64; 2], [f64; 3]) {
         let mut sum = [0.0; 2];
         let mut slope = [0.0; 3];
@@ -234,8 +235,8 @@ impl View<'_> {
         (sum, slope)
     }
 
-    /// What a place shows of the table: cosine, inverse square, and the paper's G = (1 + ωi·ωo)² / (cos θi cos θo), relative to the zero
-    /// order (2017 paper, Eq. 8 and 10).
+    /// Ratio of photographed light to the table at a position, relative to the zero order. It comprises cosine, inverse
+    /// square, and the paper's G = (1 + ωi·ωo)² / (cos θi cos θo) (2017 paper, Eq. 8 and 10).
     fn factor(&self, at: [f64; 2]) -> f64 {
         let [i, o] = self.directions(at);
         let dot = i.x * o.x + i.y * o.y + i.z * o.z;
@@ -243,13 +244,13 @@ impl View<'_> {
         g * i.z / (i.distance * i.distance)
     }
 
-    /// Half vectors per pixel at a place.
+    /// Half vector per pixel at a position.
     fn scale(&self, at: [f64; 2]) -> f64 {
         let (_, [xx, xy, yy]) = self.offset(at);
         (xx * yy - xy * xy).sqrt() * self.pixel_mm(at)
     }
 
-    /// The photograph with equal steps of the half vector from pixel to pixel, as it were without cosine, inverse square and G.
+    /// Resamples the photograph to a uniform grid of half vectors and corrects for cosine, inverse square and G.
     pub(super) fn resample(&self, light: &[f32], [width, height]: [usize; 2]) -> Resampled {
         let zero = self.zero();
         let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
@@ -267,7 +268,7 @@ impl View<'_> {
         .into_iter()
         .filter(|p| p[0].is_finite())
         .collect();
-        // Pixels far out are smaller in half vectors; but not below half of what they are in the middle.
+        // Pixels far from the centre span smaller half vectors; the step is at least half of the central one.
         let middle = self.scale(zero);
         let scale = border.iter().map(|p| self.scale(*p)).fold(middle, f64::min).max(0.5 * middle);
         let reach =
@@ -283,7 +284,7 @@ impl View<'_> {
                 let [x, y] = self.pixel(at);
                 let [light, known] = plane.at(x as f32, y as f32);
                 if known > 0.0 {
-                    // Beside the border light counts in part, as it is known in part.
+                    // Dividing by the known fraction corrects pixels beside the border.
                     *out = light / known * (one / self.factor(at)) as f32;
                 }
             }
@@ -291,10 +292,10 @@ impl View<'_> {
         Resampled { light: out, width: columns, height: rows, center: [left, above], scale }
     }
 
-    /// Where −(ωi + ωo) is so much. NaN where it is nowhere.
+    /// Position with the given −(ωi + ωo); NaN if there is none.
     fn place_of(&self, wanted: [f64; 2]) -> [f64; 2] {
         let (mut at, spread) = (self.zero(), 1.0 / self.viewer[2] + 1.0 / self.light[2]);
-        // Directions steepen outwards: begin where a lens without perspective errors has it.
+        // Perspective compresses directions outwards; the start is the solution for an orthographic view.
         let square = 0.25 * (wanted[0] * wanted[0] + wanted[1] * wanted[1]);
         let stretch = 1.0 / (1.0 - square.min(0.96)).sqrt();
         at = [at[0] + stretch * wanted[0] / spread, at[1] + stretch * wanted[1] / spread];
@@ -315,10 +316,10 @@ mod tests {
     use super::*;
     use nacre_optics::geometry::{Camera, Pose};
 
-    /// A camera that looks askew through a lens, and a light beside it.
+    /// Oblique camera with a lens, and a light beside it.
     fn askew() -> Geometry {
         let (sin, cos) = 0.35_f64.sin_cos();
-        // Turned about the sample's x by 20 degrees, seen from 300 mm.
+        // Rotated about the sample's x axis by 20 degrees, at a distance of 300 mm.
         let rotation = [[1.0, 0.0, 0.0], [0.0, -cos, sin], [0.0, -sin, -cos]];
         let camera =
             Camera { focal_px: [420.0; 2], center_px: [148.0, 152.0], distortion: [-0.12, 0.03, 1e-3, -1e-3, 0.0] };
@@ -326,7 +327,7 @@ mod tests {
         Geometry { light_mm: Some([60.0, 35.0, 280.0]), ..Geometry::new(camera, sample) }
     }
 
-    /// What is drawn pixel by pixel from half vectors is found at these half vectors, through lens and tilt.
+    /// A pattern rendered from half vectors is recovered at the same half vectors, through lens and tilt.
     #[test]
     fn a_calibrated_camera_may_look_askew() {
         let geometry = askew();
@@ -355,7 +356,7 @@ mod tests {
             for column in 0..r.width {
                 let half = [(column as f64 - r.center[0]) * r.scale, (r.center[1] - row as f64) * r.scale];
                 let light = at(column, row) / middle;
-                // Splines continue the photograph by its mirror image, which bends it next to its border.
+                // Splines continue the photograph by its mirror image, which distorts the pattern near the border.
                 let inside = view.pixel(view.place_of(half)).iter().all(|v| (3.0..=296.0).contains(v));
                 if light.is_finite() && inside {
                     seen += 1;
@@ -364,7 +365,7 @@ mod tests {
             }
         }
         assert!(seen > 60_000 && worst < 3e-3, "{seen} {worst}");
-        // Elsewhere the zero order is that of another light; photographs of another size are another camera's.
+        // A displaced zero order indicates another light; another photograph size, another camera.
         let moved = [center[0] + 40.0, center[1]];
         assert!(placement.view([300, 300], moved).is_err_and(|e| e.to_string().contains("mirror image")));
         let sized = Placement::Calibrated(Box::new(Geometry { image_px: Some([640, 480]), ..geometry.clone() }));

@@ -1,4 +1,4 @@
-//! The photograph: a file, merged exposures, or exposures that are merged first.
+//! Input photograph: a file, merged exposures, or a series of exposures to merge.
 
 use super::geometry::{Arrangement, Placement};
 use super::light::Light;
@@ -13,21 +13,21 @@ use nacre_image::budget::Operation;
 use nacre_image::{Depth, read, read_exr};
 use std::path::{Path, PathBuf};
 
-/// What is known of a photograph.
+/// A photograph with its metadata.
 pub(super) struct Input {
-    /// The channels that are wanted.
+    /// Selected channels.
     pub channels: Vec<Photograph>,
-    /// Settings with what the photograph's `frames.json` says.
+    /// Options completed with the photograph's `frames.json`.
     pub settings: Settings,
-    /// Width of the filter's band in nm.
+    /// Bandwidth of the filter in nm.
     pub band_nm: Option<f64>,
-    /// How exposures were merged.
+    /// Report on merging the exposures.
     pub merged: Option<hdr::Report>,
     /// Warnings about the photographs' files.
     pub warnings: Vec<String>,
 }
 
-/// All channels of a photograph by name.
+/// All channels of a photograph, by name.
 struct Channels {
     path: PathBuf,
     width: usize,
@@ -35,10 +35,10 @@ struct Channels {
     planes: Vec<(String, Vec<f32>)>,
 }
 
-/// Whether there is something to make a table of, without a look at any pixel.
+/// Validates input and options without reading pixels, and predicts the work.
 ///
 /// # Errors
-/// As [`reconstruct`](super::reconstruct) for settings and files that make no sense.
+/// As [`reconstruct`](super::reconstruct) for invalid options and files.
 pub(super) fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     settings.check()?;
     let operation = Operation::Table(settings.size * settings.size);
@@ -49,10 +49,10 @@ pub(super) fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     with_frames(input, settings).and_then(|(settings, _)| settings.bands().map(|_| work))
 }
 
-/// Reads what the settings want of an input.
+/// Reads the channels that the options select.
 ///
 /// # Errors
-/// `Input` for anything about the photograph.
+/// `Input` for an invalid photograph.
 pub(super) fn photograph(input: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Input> {
     let (settings, band_nm) = with_frames(input, settings)?;
     let source = Source::find(input, progress)?;
@@ -63,10 +63,10 @@ pub(super) fn photograph(input: &Path, settings: &Settings, progress: &dyn Progr
     Ok(Input { channels, settings, band_nm, merged: source.merged, warnings })
 }
 
-/// The light of a photograph, and warnings about its file; `scale` is that of the pattern's photograph.
+/// Reads the photograph of a light, with warnings about its file; `scale` is that of the pattern's photograph.
 ///
 /// # Errors
-/// `Input` for anything about the photograph.
+/// `Input` for an invalid photograph.
 pub(super) fn light(
     photograph: &LightPhotograph,
     settings: &Settings,
@@ -88,7 +88,7 @@ pub(super) fn light(
     Ok((light, source.warnings(transfer.unwrap_or(Transfer::Linear))))
 }
 
-/// An error about the photograph of a light, with its file.
+/// Attaches the file name to an error about the photograph of a light.
 pub(super) fn named(path: &Path, error: Error) -> Error {
     match error {
         Error::Input { problem, remedy, .. } => Error::file(path, problem, remedy),
@@ -101,9 +101,9 @@ fn channels(path: &Path, transfer: Option<Transfer>) -> Result<Channels> {
     if exr { of_exr(path) } else { of_raster(path, transfer) }
 }
 
-/// Settings, completed by what `frames.json` says, and the filter's band.
+/// Options completed from `frames.json`, and the bandwidth of the filter in nm.
 fn with_frames(input: &Path, settings: &Settings) -> Result<(Settings, Option<f64>)> {
-    // Photographs, and folders of them without one, say nothing.
+    // A photograph, or a folder without `frames.json`, has no metadata.
     if !is_bracket(input) || input.is_dir() && !input.join(FILE_NAME).is_file() {
         return Ok((settings.clone(), None));
     }
@@ -129,7 +129,7 @@ fn of_exr(path: &Path) -> Result<Channels> {
     })
 }
 
-/// Of a file of codes. The highest code is saturated.
+/// Channels of an integer-coded file; the highest code counts as saturated.
 fn of_raster(path: &Path, transfer: Option<Transfer>) -> Result<Channels> {
     let raster = read(path)?;
     if raster.info().depth == Depth::U8 && transfer.is_none() {
@@ -146,7 +146,7 @@ fn of_raster(path: &Path, transfer: Option<Transfer>) -> Result<Channels> {
 }
 
 impl Channels {
-    /// The channels that the settings want, in their order.
+    /// The channels selected by the options, in their order.
     fn wanted(mut self, settings: &Settings) -> Result<Vec<Photograph>> {
         let mut take = |name: &str| -> Result<Photograph> {
             let Some(at) = self.planes.iter().position(|(n, _)| n == name) else {

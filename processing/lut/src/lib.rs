@@ -1,4 +1,5 @@
-//! From one photograph of a diffraction pattern in narrow-band light to a table for any light (2017 paper, section 4.3).
+//! Lookup tables for arbitrary illumination from one narrow-band photograph of a diffraction pattern (2017 paper,
+//! section 4.3).
 
 pub mod bokeh;
 mod choose;

@@ -1,10 +1,10 @@
-//! A light that is no point: its shape, from a photograph of its mirror image, spread over the table (2017 TOG paper, section 6.2 and
-//! Fig. 22).
+//! Extended light sources: convolution of a table with the source's shape, from a photograph of its mirror image (2017
+//! TOG paper, section 6.2 and Fig. 22).
 //!
-//! Every point of the light makes the whole pattern, moved by as much as its mirror image is. So the table under all of them is the
-//! table under one, convolved with the mirror image over half vectors. Light is added up after diffraction: a pattern that was
-//! photographed at one wavelength must not be convolved before, since the light's shape does not grow with the wavelength, as the
-//! pattern does.
+//! Every point of the source produces the whole pattern, displaced like its mirror image. The table of an extended
+//! source is therefore the table of a point source, convolved with the mirror image over half vectors. The convolution
+//! must follow the spectral integration: a photographed pattern scales with wavelength, but the shape of the source
+//! does not.
 
 use super::kernel::Weight;
 use super::plane::{to_coefficients, weights};
@@ -15,47 +15,49 @@ use nacre_optics::color::{linear_srgb, xyz_of_linear_srgb};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Light counts that is so many standard deviations of the noise, and this part of the brightest, above the background.
+/// Thresholds above the background: standard deviations of the noise, and fraction of the brightest pixel.
 const SIGMAS: f32 = 6.0;
 const LEAST: f32 = 0.003;
 
-/// More of the photograph than this is no light before a background.
+/// Maximum fraction of lit pixels; more leaves no background to compare with.
 const LARGEST: f64 = 0.3;
 
-/// A light: its mirror image, cut out of a photograph.
+/// A light source: its mirror image, cut out of a photograph.
 #[derive(Clone, Debug)]
 pub struct Light {
     width: usize,
     height: usize,
-    /// One part, or red, green and blue, each of which adds up to 1.
+    /// One plane, or red, green and blue; each sums to 1.
     parts: Vec<Vec<f32>>,
-    /// Pixel that is put where the zero order is.
+    /// Pixel that corresponds to the zero order.
     center: [f64; 2],
     /// Half vector per pixel.
     scale: f64,
 }
 
-/// What is known of a light.
+/// Properties of a light source.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct LightReport {
-    /// Pixel of its photograph that was put where the zero order is: the middle of its light unless one was given.
+    /// Pixel of its photograph that corresponds to the zero order: the given one, or the centroid of the light.
     pub center: [f64; 2],
     /// Half vector per pixel of its photograph.
     pub scale: f64,
-    /// Pixels of its photograph that are light.
+    /// Number of lit pixels.
     pub pixels: usize,
-    /// Root mean square distance of its light from its middle, in half vectors.
+    /// Root mean square distance of the light from its centroid, in half vectors.
     pub spread: f64,
-    /// Root mean square error of the table between its entries, over its own light: the light's points fall there.
+    /// Root mean square interpolation error of the table between its entries, relative to its root mean square. Points
+    /// of the source fall between entries.
     pub error: Option<f64>,
 }
 
 impl Light {
-    /// Cuts a light out of one channel, or red, green and blue, of a photograph; NaN is unknown. Without a `center` the middle of its light
-    /// is put where the zero order is. Each colour adds up to 1: all points together have the colour of the table's light.
+    /// Cuts a light source out of one channel, or of red, green and blue, of a photograph; NaN is unknown. Without
+    /// `center`, the centroid of the light corresponds to the zero order. Each colour is normalised: all points
+    /// together have the colour of the table's illuminant.
     ///
     /// # Errors
-    /// `Input` for photographs in which no light stands out, or not all of it is known.
+    /// `Input` for photographs without a distinct light, and with unknown pixels in it.
     pub fn cut_out(planes: &[Vec<f32>], width: usize, center: Option<[f64; 2]>, scale: f64) -> Result<Self> {
         let bad = |problem: &str, remedy: &str| Err(Error::input("photograph of the light", problem, remedy));
         if !(1e-7..=1.0).contains(&scale) {
@@ -98,7 +100,7 @@ impl Light {
         Ok(light)
     }
 
-    /// Pixels that are light, with their mean over the parts.
+    /// Lit pixels with their mean over the planes.
     fn lit(&self) -> impl Iterator<Item = ([f64; 2], f64)> {
         let mean = |i: usize| self.parts.iter().map(|p| f64::from(p[i])).sum::<f64>() / self.parts.len() as f64;
         let place = |i: usize| [(i % self.width) as f64, (i / self.width) as f64];
@@ -109,7 +111,7 @@ impl Light {
         self.lit().fold([0.0; 2], |[x, y], (at, v)| [x + v * at[0], y + v * at[1]])
     }
 
-    /// What is known of it.
+    /// Properties of the source.
     pub(super) fn report(&self, error: Option<f64>) -> LightReport {
         let [x, y] = self.middle();
         let square: f64 = self.lit().map(|(at, v)| v * ((at[0] - x).powi(2) + (at[1] - y).powi(2))).sum();
@@ -117,13 +119,14 @@ impl Light {
         LightReport { center: self.center, scale: self.scale, pixels: self.lit().count(), spread, error }
     }
 
-    /// A part over a table's entries: values of a square of odd side. Its pixels fall between entries, and have the weights there that
-    /// values of splines have.
+    /// A plane resampled to table entries, in a square of odd side. Pixels fall between entries and are distributed
+    /// with spline weights.
     fn kernel(&self, part: &[f32], step: f64, half: usize) -> Vec<f32> {
         let side = 2 * half + 1;
         let mut kernel = vec![0.0; side * side];
         for (i, v) in part.iter().enumerate().filter(|(_, v)| **v > 0.0) {
-            // As in the table: what lies right of the zero order has a half vector to the left; rows go down in both.
+            // As in the table: positions right of the zero order have half vectors to the left; rows grow downwards in
+            // both.
             let across = half as f64 - ((i % self.width) as f64 - self.center[0]) * self.scale / step;
             let down = half as f64 - ((i / self.width) as f64 - self.center[1]) * self.scale / step;
             let (a, b) = (weights(across.fract() as f32), weights(down.fract() as f32));
@@ -136,16 +139,16 @@ impl Light {
         kernel
     }
 
-    /// Entries that a light reaches out from the middle.
+    /// Radius of the source in table entries.
     fn reach(&self, step: f64) -> usize {
         let far = |(at, _): ([f64; 2], f64)| (at[0] - self.center[0]).abs().max((at[1] - self.center[1]).abs());
         (self.lit().map(far).fold(0.0, f64::max) * self.scale / step).ceil() as usize + 2
     }
 
-    /// Spreads a table of `size` × `size` entries that are `step` half vectors apart, and its coverage.
+    /// Convolves a table of `size` × `size` entries, `step` half vectors apart, and its coverage.
     ///
     /// # Errors
-    /// `Input` for a light that is wider than the table.
+    /// `Input` for a source wider than the table.
     pub(super) fn spread(&self, entries: &mut [Weight], size: usize, step: f64) -> Result<()> {
         let half = self.reach(step);
         if half > size / 2 {
@@ -160,12 +163,13 @@ impl Light {
         let mut known = vec![0.0; if colored { entries.len() } else { 0 }];
         for (k, part) in self.parts.iter().enumerate() {
             let by = Convolution::new([size; 2], [2 * half + 1; 2], &self.kernel(part, step, half));
-            // A grey light spreads everything alike, a coloured one each colour; coverage is the mean of its colours'.
+            // A grey source affects all channels equally, a coloured one each channel separately; coverage is the mean
+            // over the colours.
             let channels: &[usize] = if colored { &[[0, 3], [1, 3], [2, 3]][k] } else { &[0, 1, 2, 3] };
             for c in channels {
                 let mut splines: Vec<f32> = entries.iter().map(|e| e[*c]).collect();
                 to_coefficients(&mut splines, size, size);
-                // Nothing is known beyond the border, where splines need it: what lies next to it is covered in part only.
+                // Beyond the border, where splines need values, nothing is known; entries beside it are partly covered.
                 let fill = |y: usize, row: &mut [f32]| {
                     if y < size {
                         row[..size].copy_from_slice(&splines[y * size..][..size]);
@@ -198,7 +202,7 @@ mod tests {
     use super::*;
     use nacre_optics::color::Illuminant;
 
-    /// Discs of light: middle and radius in pixels, and colour.
+    /// Discs of light: centre and radius in pixels, and colour.
     fn mirror_image(size: usize, discs: &[([f64; 2], f64, [f32; 3])]) -> Vec<Vec<f32>> {
         let at = |c: usize, i: usize| {
             let inside = |[x, y]: [f64; 2], r: f64| ((i % size) as f64 - x).hypot((i / size) as f64 - y) <= r;
@@ -209,7 +213,7 @@ mod tests {
 
     const SCALE: f64 = 0.002;
 
-    /// A table under a light, against sums over the light's own points of tables that are known in closed form.
+    /// Compares a table under an extended source with sums of analytically known tables over the source's points.
     fn off(discs: &[([f64; 2], f64, [f32; 3])], center: Option<[f64; 2]>) -> [f64; 2] {
         let lattice = Lattice { pitch: 0.12, sigma: 0.012, angle: 0.3 };
         let settings = Settings {
@@ -237,7 +241,7 @@ mod tests {
                 let [du, dv] = [-(x - light.center[0]) * SCALE, (y - light.center[1]) * SCALE];
                 weight * lattice.entry(&Illuminant::default(), 4.0, u - du, v - dv, [-9.0, 9.0, -9.0, 9.0])
             };
-            // Grey light: all parts are the same.
+            // Grey light: all planes are equal.
             let truth: f64 = light.lit().map(of_point).sum();
             assert!((table.entries[i][3] - 1.0).abs() < 1e-3);
             square += (f64::from(table.entries[i][1]) - truth).powi(2);
@@ -249,7 +253,7 @@ mod tests {
     #[test]
     fn a_light_moves_and_adds_the_pattern_of_each_of_its_points() {
         let gray = [1.0; 3];
-        // Two lights beside each other, one below and weaker; and one that is moved as a whole.
+        // Two sources: the second lies below the first and is weaker; and one displaced source.
         let [error, said] = off(&[([50.0, 55.0], 1.5, gray), ([72.0, 66.0], 1.0, [0.4; 3])], None);
         assert!(error < 1e-3 && said < error, "{error} {said}");
         let [error, _] = off(&[([60.0, 60.0], 0.9, gray)], Some([52.3, 63.4]));
@@ -258,7 +262,7 @@ mod tests {
 
     #[test]
     fn each_colour_is_spread_by_its_own_light() {
-        // Red light to the right, green and blue light to the left: each moves its part of the table.
+        // Red light on the right, green and blue light on the left: each displaces its channel of the table.
         let planes = mirror_image(64, &[([40.0, 32.0], 0.5, [1.0, 0.0, 0.0]), ([24.0, 32.0], 0.5, [0.0, 1.0, 1.0])]);
         let light = Light::cut_out(&planes, 64, Some([32.0, 32.0]), 0.01).unwrap();
         let mut entries = vec![[0.0; 4]; 64 * 64];
@@ -266,7 +270,7 @@ mod tests {
         entries[32 * 64 + 32] = [x, y, z, 1.0];
         light.spread(&mut entries, 64, 0.01).unwrap();
         let rgb = |i: usize| linear_srgb([entries[i][0], entries[i][1], entries[i][2]]);
-        // What lies to the right has a half vector to the left.
+        // Positions on the right have half vectors to the left.
         for (found, wanted) in [(rgb(32 * 64 + 24), [0.5, 0.0, 0.0]), (rgb(32 * 64 + 40), [0.0, 0.25, 0.125])] {
             assert!(found.iter().zip(wanted).all(|(f, w)| (f - w).abs() < 1e-5), "{found:?} {wanted:?}");
         }

@@ -1,4 +1,4 @@
-//! A table of photographs in memory.
+//! Computation of a lookup table in memory.
 
 use super::choose::{Choice, check, choose, given};
 use super::kernel::{Kernel, Weight, Window};
@@ -13,38 +13,40 @@ use nacre_base::{Error, Result};
 use nacre_image::lobe::{Lobe, find, not_found, require};
 use nacre_optics::color::Illuminant;
 
-/// A zero order that was given is compared with a lobe this near, in pixels.
+/// Maximum distance in pixels between a given zero order and the lobe it is compared with.
 const NEAR_PX: f64 = 20.0;
 
-/// Entries of which less than this part was measured are unknown.
+/// Coverage below which an entry counts as unknown.
 pub(super) const UNKNOWN: f32 = 0.01;
 
-/// How often a table that is worse than asked for is made anew.
+/// Maximum number of attempts at the requested error.
 const TRIES: usize = 3;
 
-/// A table.
+/// A lookup table.
 pub struct Table {
-    /// X, Y, Z and coverage of each entry, row by row from the top; Y of a photograph that is 1 everywhere is 1 for the exponent 0.
+    /// X, Y, Z and coverage of each entry, row by row from the top; normalised so that a photograph of 1 everywhere
+    /// gives Y = 1 for exponent 0.
     pub entries: Vec<[f32; 4]>,
-    /// Where the zero order was taken to be, in pixels from the left and the top.
+    /// Position of the zero order in pixels from the left and the top.
     pub center: [f64; 2],
-    /// Standard deviation of that; none for a place that was given and cannot be compared.
+    /// Standard deviation of `center` in pixels; `None` for a given position without a lobe nearby.
     pub center_sigma_px: Option<f64>,
-    /// Where the lobe around a given zero order lies, if it lies elsewhere.
+    /// Position of the lobe near a given zero order, if it differs.
     pub lobe: Option<[f64; 2]>,
-    /// Another place that is nearly as bright as the zero order that was found: where, and what part of its brightness.
+    /// A second lobe nearly as bright as the detected zero order: position and relative brightness.
     pub rival: Option<([f64; 2], f64)>,
-    /// The zero order is saturated.
+    /// True if the zero order is saturated.
     pub saturated: bool,
-    /// How it was added up.
+    /// Summation method.
     pub choice: Choice,
-    /// Root mean square of what entries at the rim are off from a finer sum, over their own; none without light there.
+    /// Root mean square error of entries against a finer sum, relative to their root mean square; `None` without light
+    /// at the rim.
     pub error: Option<f64>,
-    /// The same of the photograph between its pixels, which a table's is about half of; noise counts as well.
+    /// Interpolation error of the photograph between its pixels, including noise; a table's is about half of it.
     pub sampling_error: Option<f64>,
-    /// As [`Self::error`] for what is not known of the zero order's place.
+    /// Error due to the uncertainty of the zero order's position, defined as [`Self::error`].
     pub center_error: Option<f64>,
-    /// Light that is no point.
+    /// Properties of an extended source.
     pub light: Option<LightReport>,
     /// Half vector per pixel.
     pub scale: f64,
@@ -53,17 +55,17 @@ pub struct Table {
 }
 
 impl Table {
-    /// All that is known of the error at the rim together; none without light there.
+    /// Root sum of squares of all known errors at the rim; `None` without light there.
     pub fn whole_error(&self) -> Option<f64> {
         let light = self.light.and_then(|l| l.error);
         let others = [self.center_error, self.sampling_error, light].map(|e| e.unwrap_or(0.0));
         self.error.map(|e| others.iter().fold(e, |sum, other| sum.hypot(*other)))
     }
 
-    /// Makes it the table of a light that is no point. It must not be warped.
+    /// Convolves the table with an extended source. The table must not be warped.
     ///
     /// # Errors
-    /// `Input` for a light that is wider than the table.
+    /// `Input` for a source wider than the table.
     pub fn spread(&mut self, light: &Light) -> Result<()> {
         let size = self.entries.len().isqrt();
         let y: Vec<f32> = self.entries.iter().map(|e| if e[3] < UNKNOWN { f32::NAN } else { e[1] }).collect();
@@ -75,10 +77,10 @@ impl Table {
     }
 }
 
-/// Makes a table of one photograph in narrow-band light, or of three channels (red, green, blue) in white light.
+/// Computes a table from one photograph in narrow-band light, or from three channels (red, green, blue) in white light.
 ///
 /// # Errors
-/// `Input` for settings that make no sense and photographs without a zero order.
+/// `Input` for invalid options, and for photographs without a zero order.
 pub fn lookup(photographs: &[Photograph], settings: &Settings) -> Result<Table> {
     settings.check()?;
     let bands = settings.bands()?;
@@ -110,7 +112,7 @@ pub fn lookup(photographs: &[Photograph], settings: &Settings) -> Result<Table> 
     let extent = settings.extent.unwrap_or_else(|| measured(&sources, &kernels));
     let grid = Grid { size: settings.size, extent, warp: settings.warp };
     let pairs: Vec<(Kernel, &Source)> = kernels.into_iter().zip(&sources).collect();
-    // How far off the zero order may be, in pixels: what is measured, and how far a given one is from the lobe.
+    // Uncertainty of the zero order in pixels: measured, or the distance between a given position and the lobe.
     let known = Some(lobe.sigma_px).filter(|s| s.is_finite());
     let (entries, choice, [error, center_error]) = add_up(&pairs, &grid, settings, known.unwrap_or(0.0));
     Ok(Table {
@@ -130,7 +132,7 @@ pub fn lookup(photographs: &[Photograph], settings: &Settings) -> Result<Table> 
     })
 }
 
-/// The largest half vector along an axis of which all wavelengths that matter were measured, to two digits. It is a mean of four
+/// Largest half vector along an axis for which nearly all wavelengths were measured, to two digits; a mean over four
 /// directions.
 fn measured(sources: &[Source], kernels: &[Kernel]) -> f64 {
     let of = |(source, kernel): (&Source, &Kernel)| {
@@ -143,7 +145,7 @@ fn measured(sources: &[Source], kernels: &[Kernel]) -> f64 {
     ((extent / digit).floor() * digit).clamp(1e-3, 2.0)
 }
 
-/// The photograph on which the zero order is looked for.
+/// Photograph in which the zero order is detected.
 fn fitting(photographs: &[Photograph], bands: Wavelength) -> Result<&Photograph> {
     let wanted = if matches!(bands, Wavelength::Band(_)) { 1 } else { 3 };
     let bad =
@@ -158,11 +160,11 @@ fn fitting(photographs: &[Photograph], bands: Wavelength) -> Result<&Photograph>
     if !photographs.iter().all(fits) {
         return Err(bad("do not belong together".into()));
     }
-    // Green is seen best.
+    // The green channel is the brightest to the eye and in the middle of the spectrum.
     Ok(photographs.get(1).unwrap_or(first))
 }
 
-/// The zero order, and the lobe's place where another one was given.
+/// The zero order, and the lobe's position if another one was given.
 fn zero_order(p: &Photograph, settings: &Settings) -> Result<(Lobe, Option<[f64; 2]>)> {
     let Some(center) = settings.center else { return Ok((require(&p.light, p.width, p.height)?, None)) };
     let inside = |c: f64, n: usize| (0.0..=(n - 1) as f64).contains(&c);
@@ -192,14 +194,14 @@ fn kernels(settings: &Settings, bands: Wavelength, illuminant: &Illuminant) -> V
     }
 }
 
-/// Adds up with what was asked for, or with the cheapest that is exact enough, and checks it.
+/// Computes the table with the requested method, or with the cheapest sufficient one, and verifies it.
 fn add_up(
     pairs: &[(Kernel, &Source)],
     grid: &Grid,
     settings: &Settings,
     moved: f64,
 ) -> (Vec<Weight>, Choice, [Option<f64>; 2]) {
-    // The middle one of several bands decides for all.
+    // With several bands, the middle one decides for all.
     let (kernel, source) = (&pairs[pairs.len() / 2].0, pairs[pairs.len() / 2].1);
     let mut wanted = settings.max_error;
     let mut tries = 0;
@@ -225,7 +227,7 @@ fn add_up(
         if asked.is_some() || off <= settings.max_error || tries == TRIES {
             return (entries, choice, errors);
         }
-        // The prediction was too low by some factor, which the next choice makes up for.
+        // Compensates for the ratio of verified to predicted error in the next selection.
         wanted = choice.predicted_error.unwrap_or(wanted) * settings.max_error / off;
     }
 }

@@ -1,4 +1,4 @@
-//! Maps, pictures and the radial profile of a table.
+//! Maps, pictures and radial profile of a table.
 
 use super::lookup::{Table, UNKNOWN};
 use super::report::Coverage;
@@ -11,20 +11,20 @@ use nacre_optics::color::{Illuminant, displayed_codes};
 use rayon::prelude::*;
 use std::fmt::Write;
 
-/// Entries of which more than this part was measured are whole.
+/// Coverage above which an entry counts as complete.
 const FULL: f32 = 0.99;
 
-/// Colour of what is not known, and brightness of the picture's ninth decile, of white before it is compressed.
+/// Colour of unknown entries; brightness of the picture's ninth decile, relative to white, before compression.
 const GRAY: [u8; 3] = [58, 58, 66];
 const KEY: f32 = 0.4;
 
-/// Rings of the radial profile.
+/// Number of rings of the radial profile.
 const RINGS: usize = 256;
 
-/// Entries whose coverage is summed at a time: fixed, so that the mean does not depend on the number of threads.
+/// Number of entries per partial sum of coverage; fixed, so that the mean does not depend on the number of threads.
 const SUMMED: usize = 1 << 14;
 
-/// A table with what it was asked for.
+/// A table and the options of its computation.
 pub(super) struct Output<'a> {
     pub table: &'a Table,
     pub settings: &'a Settings,
@@ -35,7 +35,7 @@ impl Output<'_> {
         self.settings.size
     }
 
-    /// X, Y, Z and coverage; NaN light where next to nothing was measured.
+    /// X, Y, Z and coverage; light is NaN for unknown entries.
     fn at(&self, i: usize) -> [f32; 4] {
         let [x, y, z, coverage] = self.table.entries[i];
         if coverage < UNKNOWN { [f32::NAN, f32::NAN, f32::NAN, coverage] } else { [x, y, z, coverage.min(1.0)] }
@@ -63,7 +63,7 @@ impl Output<'_> {
         let white = light.white(self.settings.observer).unwrap_or([0.0, 1.0, 0.0]);
         let attributes = [
             ("units", Attribute::Text(units.into())),
-            // What is white under this light, for those who do not have its file.
+            // Stored for readers without the illuminant's file.
             ("white", Attribute::Text(white.map(|v| format!("{v:.6}")).join(" "))),
             ("extent", Attribute::Text(self.table.extent.to_string())),
             ("warp", Attribute::Text(self.settings.warp.to_string())),
@@ -82,7 +82,7 @@ impl Output<'_> {
         folder.write("profile.csv", self.profile().as_bytes())
     }
 
-    /// The picture, sRGB: nine tenths of the entries are darker than [`KEY`], and brighter ones are compressed.
+    /// The picture in sRGB: nine tenths of the entries are darker than [`KEY`]; brighter ones are compressed.
     fn picture(&self) -> Vec<u8> {
         let entries = &self.table.entries;
         let step = (entries.len() >> 20).max(1);

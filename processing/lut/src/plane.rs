@@ -1,4 +1,4 @@
-//! A photograph that can be looked at between its pixels: cubic B-splines (Unser 1999).
+//! Interpolation of a photograph between its pixels by cubic B-splines (Unser 1999).
 
 use rayon::prelude::*;
 
@@ -6,35 +6,35 @@ use rayon::prelude::*;
 const POLE: f32 = -0.267_949_2;
 const GAIN: f32 = 6.0;
 
-/// Terms of the inverse filter's beginning: the pole's 16th power is below f32.
+/// Number of terms of the inverse filter's initial value: the pole's 16th power is below f32 precision.
 const TERMS: usize = 16;
 
-/// Unknown pixels spoil those around them, which they are interpolated with, this far.
+/// Radius in pixels around unknown pixels in which interpolated values are invalid.
 const SPOILED: usize = 2;
 
-/// Rows and columns beyond the photograph that hold coefficients.
+/// Rows and columns of coefficients beyond the photograph.
 const MARGIN: usize = 2;
 
-/// Light of one channel, interpolated.
+/// Interpolated light of one channel.
 pub(super) struct Plane {
     pub width: usize,
     pub height: usize,
-    /// Coefficients with a margin of [`MARGIN`] all around.
+    /// Coefficients with a margin of [`MARGIN`] on every side.
     coefficients: Vec<f32>,
-    /// 1 where a pixel and its neighbours are known; empty where all are.
+    /// 1 where a pixel and its neighbours are known; empty if all are.
     known: Vec<f32>,
 }
 
 impl Plane {
-    /// Of row-major light; NaN is unknown.
+    /// From row-major light; NaN is unknown.
     pub(super) fn new(light: &[f32], width: usize, height: usize) -> Self {
         let (mut filled, known) = fill(light, width, height);
         to_coefficients(&mut filled, width, height);
         Self { width, height, coefficients: padded(&filled, width, height), known }
     }
 
-    /// Light at a place in pixels times what is known of it, and that: 1 inside, 0 outside, and in between within half a pixel of the
-    /// border, so that sums along a line do not jump where a sample crosses it.
+    /// Light times known fraction at a position in pixels, and the known fraction: 1 inside and 0 outside of the
+    /// photograph. The fraction falls over half a pixel at the border, so that line integrals have no jumps there.
     #[inline(always)]
     pub(super) fn at(&self, x: f32, y: f32) -> [f32; 2] {
         let (right, bottom) = ((self.width - 1) as f32, (self.height - 1) as f32);
@@ -50,7 +50,7 @@ impl Plane {
         let (left, top) = (x as usize, y as usize);
         let (across, down) = (weights(x - left as f32), weights(y - top as f32));
         let stride = self.width + 2 * MARGIN;
-        // The first of four taps lies one before the pixel.
+        // The first of four taps precedes the pixel by one.
         let first = (top + MARGIN - 1) * stride + left + MARGIN - 1;
         let mut sum = 0.0;
         for (k, weight) in down.iter().enumerate() {
@@ -62,7 +62,7 @@ impl Plane {
         [sum * known, known]
     }
 
-    /// Coefficient of a pixel, which is about its light; 0 where that is unknown.
+    /// Spline coefficient of a pixel, approximately its light; 0 where unknown.
     pub(super) fn coefficient(&self, x: usize, y: usize) -> f32 {
         if self.known.get(y * self.width + x) == Some(&0.0) {
             return 0.0;
@@ -70,7 +70,7 @@ impl Plane {
         self.coefficients[(y + MARGIN) * (self.width + 2 * MARGIN) + x + MARGIN]
     }
 
-    /// Which part of the four pixels around a place is known.
+    /// Known fraction of the four pixels around a position.
     #[inline(always)]
     fn known_at(&self, x: f32, y: f32) -> f32 {
         if self.known.is_empty() {
@@ -84,13 +84,13 @@ impl Plane {
     }
 }
 
-/// Values of an image, continued by its mirror image, to the coefficients of the splines that meet them.
+/// Converts values of an image, continued by its mirror image, to interpolating spline coefficients.
 pub(super) fn to_coefficients(image: &mut [f32], width: usize, height: usize) {
     image.par_chunks_mut(width).for_each(along_row);
     along_columns(image, width, height);
 }
 
-/// Weights of the four coefficients around a place.
+/// Weights of the four coefficients around a position.
 #[inline(always)]
 pub(super) fn weights(t: f32) -> [f32; 4] {
     let (u, square) = (1.0 - t, t * t);
@@ -98,7 +98,7 @@ pub(super) fn weights(t: f32) -> [f32; 4] {
     [u * u * u / 6.0, 2.0 / 3.0 - square + 0.5 * cube, 2.0 / 3.0 - u * u + 0.5 * u * u * u, cube / 6.0]
 }
 
-/// Unknown pixels bridged along their rows, and which pixels are known with all around them.
+/// Interpolates unknown pixels along rows, and marks pixels with entirely known neighbourhoods.
 fn fill(light: &[f32], width: usize, height: usize) -> (Vec<f32>, Vec<f32>) {
     let mut filled = light.to_vec();
     if light.iter().all(|l| l.is_finite()) {
@@ -127,7 +127,7 @@ fn fill(light: &[f32], width: usize, height: usize) -> (Vec<f32>, Vec<f32>) {
     (filled, known)
 }
 
-/// Values of a row to coefficients; the row is continued by its mirror image.
+/// Converts values of a row to coefficients; the row is continued by its mirror image.
 fn along_row(row: &mut [f32]) {
     let n = row.len();
     if n < 2 {
@@ -142,7 +142,7 @@ fn along_row(row: &mut [f32]) {
     row.iter_mut().for_each(|v| *v *= GAIN);
 }
 
-/// As [`along_row`] for all columns at once, row by row.
+/// [`along_row`] for all columns at once, row by row.
 fn along_columns(image: &mut [f32], width: usize, height: usize) {
     if height < 2 {
         return;
@@ -166,7 +166,7 @@ fn along_columns(image: &mut [f32], width: usize, height: usize) {
     image.iter_mut().for_each(|v| *v *= GAIN);
 }
 
-/// Index of a place in a line of `n` that is continued by its mirror image.
+/// Index in a line of `n` values that is continued by its mirror image.
 fn mirror(k: isize, n: usize) -> usize {
     if n < 2 {
         return 0;
@@ -207,7 +207,7 @@ mod tests {
             let (x, y) = (8.0 + 0.0437 * f64::from(k), 8.0 + 0.0307 * f64::from(k));
             worst = worst.max((f64::from(plane.at(x as f32, y as f32)[0]) - light(x, y)).abs());
         }
-        // (0.5 rad per pixel)⁴ · 1/384 and as much of the other direction.
+        // Error bound: (0.5 rad per pixel)⁴ · 1/384 for each direction.
         assert!(worst < 3e-4, "{worst}");
     }
 

@@ -1,7 +1,7 @@
-//! All entries at once: rays through the zero order, and along each of them a convolution over ln r.
+//! Summation of all entries at once: rays through the zero order, and along each a convolution over ln r.
 //!
-//! Radii are taken octave by octave: half the radius needs half as many rays and half as many samples along them for the same
-//! distance in pixels, so that all octaves together cost a third more than the outermost.
+//! Radii are processed by octave. Half the radius needs half as many rays and half as many samples for the same spacing
+//! in pixels. All octaves together therefore cost a third more than the outermost.
 
 use super::kernel::{Kernel, Weight};
 use super::plane::Plane;
@@ -10,28 +10,28 @@ use pulp::Arch;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Rays that are worked on together.
+/// Number of rays processed together.
 const LANES: usize = 16;
 
 /// Rows and rays beyond an octave that interpolation needs.
 const HALO: usize = 2;
 
-/// Fewest rays of an octave.
+/// Minimum number of rays of an octave.
 const FEWEST: usize = 32;
 
-/// How finely the photograph is sampled.
+/// Sampling density of the photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fineness {
-    /// Distance of rays, and of samples along them, in pixels of the photograph: where it shows the mean wavelength of what lies at an
-    /// octave's outer radius.
+    /// Spacing of rays and of samples along them in pixels of the photograph, at the radius where it shows the mean
+    /// wavelength of an octave's outer entries.
     pub spacing_px: f64,
-    /// Every so manieth sample along a ray of the outermost octave is worked out for the table; half as many of the next, and so on, as
-    /// wavelengths spread less there.
+    /// Stride from samples to rows of the table in the outermost octave. It halves with each octave inwards, where
+    /// wavelengths are less dispersed.
     pub every: usize,
 }
 
 impl Fineness {
-    /// That of the next octave.
+    /// Sampling density of the next octave inwards.
     pub(super) fn inward(self) -> Self {
         Self { every: (self.every / 2).max(1), ..self }
     }
@@ -39,46 +39,46 @@ impl Fineness {
 
 /// Entries of one octave of radii, over ln r and angle.
 pub(super) struct Octave {
-    /// ln of the first row's radius in pixels, and distance of rows.
+    /// ln of the first row's radius in pixels, and row distance in ln r.
     first: f64,
     step: f64,
     rays: usize,
     rows: usize,
-    /// Rows of `rays + 2·HALO` entries; the first is `HALO` rays before angle 0.
+    /// Rows of `rays + 2·HALO` entries; the first lies `HALO` rays before angle 0.
     entries: Vec<Weight>,
 }
 
-/// Size of an octave's arrays.
+/// Array sizes of an octave.
 pub(super) struct Layout {
-    /// Distance of samples in ln r.
+    /// Sample distance in ln r.
     step: f64,
     pub rays: usize,
     pub rows: usize,
-    /// Samples along a ray.
+    /// Number of samples along a ray.
     pub samples: usize,
     pub taps: usize,
 }
 
 impl Layout {
-    /// For radii of half the outer radius to all of it, in pixels.
+    /// Sizes for radii from half of `outer` to `outer`, in pixels.
     pub(super) fn new(outer: f64, kernel: &Kernel, fineness: Fineness) -> Self {
         let step = fineness.spacing_px / (outer * kernel.stretch());
         let [low, high] = kernel.range();
         let rays = ((TAU / step).ceil() as usize).max(FEWEST).next_multiple_of(LANES);
         let rows = (2.0_f64.ln() / (step * fineness.every as f64)).ceil() as usize + 1 + 2 * HALO;
-        // As the kernel has them.
+        // The same number as in the kernel's steps.
         let taps = ((high / step).ceil() - (low / step).floor()) as usize + 4;
         Self { step, rays, rows, samples: (rows - 1) * fineness.every + taps, taps }
     }
 
-    /// Bytes of the entries.
+    /// Memory of the entries in bytes.
     pub(super) fn bytes(&self) -> usize {
         self.rows * (self.rays + 2 * HALO) * size_of::<Weight>()
     }
 }
 
 impl Octave {
-    /// Entries at half the outer radius to all of it, in pixels around a centre.
+    /// Entries at radii from half of `outer` to `outer`, in pixels around a centre.
     pub(super) fn new(plane: &Plane, center: [f64; 2], kernel: &Kernel, outer: f64, fineness: Fineness) -> Self {
         let layout = Layout::new(outer, kernel, fineness);
         let (step, steps) = (layout.step, kernel.steps(layout.step));
@@ -86,10 +86,10 @@ impl Octave {
         let row_step = step * every as f64;
         let first = (0.5 * outer).ln() - HALO as f64 * row_step;
         let samples = (layout.rows - 1) * every + taps;
-        // Light at ln r − q: of the first row, the last weight needs the least radius.
+        // Light is sampled at ln r − q: the smallest radius belongs to the first row and the last weight.
         let least = first - (steps.first + taps as isize - 1) as f64 * step;
         let radii: Vec<f32> = (0..samples).map(|t| (least + t as f64 * step).exp() as f32).collect();
-        // Samples rise with the radius, weights with the wavelength, which falls with it.
+        // Samples increase with radius, but weights with wavelength, which decreases with radius.
         let weights: Vec<Weight> = steps.weights.iter().rev().copied().collect();
         let sums = weights.iter().scan(0.0, |sum, weight| {
             *sum += weight[3];
@@ -102,7 +102,7 @@ impl Octave {
             .into_par_iter()
             .map(|block| {
                 let angle = |k: usize| TAU * (block * LANES + k) as f64 / layout.rays as f64;
-                // From the zero order to where the photograph shows this half vector: to the other side, and rows go down.
+                // Direction in the photograph of a half vector: opposite, with rows growing downwards.
                 let directions = std::array::from_fn(|k| [-angle(k).cos() as f32, angle(k).sin() as f32]);
                 let center = center.map(|c| c as f32);
                 let (radii, weights, covered) = (&radii, &weights, &covered);
@@ -123,7 +123,7 @@ impl Octave {
         Self { first, step: row_step, rays: layout.rays, rows: layout.rows, entries }
     }
 
-    /// Entry at ln r and an angle of 0 to 2π.
+    /// Interpolated entry at ln r and an angle of 0 to 2π.
     #[inline(always)]
     pub(super) fn at(&self, log: f32, angle: f32) -> Weight {
         let down = ((log - self.first as f32) * (1.0 / self.step) as f32).clamp(1.0, (self.rows - 3) as f32);
@@ -131,7 +131,7 @@ impl Octave {
         let (row, ray) = (down as usize, (across as usize).min(self.rays - 1));
         let (a, b) = (catmull_rom(down - row as f32), catmull_rom(across - ray as f32));
         let stride = self.rays + 2 * HALO;
-        // The first of four is one row and one ray before.
+        // The first of four taps precedes by one row and one ray.
         let first = (row - 1) * stride + ray + HALO - 1;
         let mut sum = [0.0; 4];
         for (k, weight) in a.iter().enumerate() {
@@ -145,15 +145,15 @@ impl Octave {
     }
 }
 
-/// Some rays of an octave.
+/// A block of rays of an octave.
 struct Work<'a> {
     plane: &'a Plane,
     center: [f32; 2],
     directions: [[f32; 2]; LANES],
     radii: &'a [f32],
-    /// As they meet samples that rise with the radius.
+    /// In order of increasing sample radius.
     weights: &'a [Weight],
-    /// Coverage of the first so many of them together.
+    /// Cumulative coverage of the weights.
     covered: &'a [f32],
     rows: usize,
     every: usize,
@@ -170,7 +170,7 @@ impl Work<'_> {
                 [light[k], known[k]] = self.plane.at(self.center[0] + radius * x, self.center[1] + radius * y);
             }
         }
-        // Where all is known, what is known needs no sum, and beyond the photograph nothing adds up.
+        // Where everything is known, coverage needs no sum; beyond the photograph, nothing contributes.
         let whole = known.iter().take_while(|lanes| lanes.iter().all(|k| *k == 1.0)).count();
         let end = known.iter().rposition(|lanes| lanes.iter().any(|k| *k != 0.0)).map_or(0, |last| last + 1);
         let row = |i: usize| {
@@ -180,7 +180,7 @@ impl Work<'_> {
             let (inside, border) = self.weights[..taps].split_at(sure);
             let [x, y, z] = add_up(&light[first..][..sure], inside);
             let mut sum = [x, y, z, [self.covered[sure]; LANES]];
-            // Few samples lie where some lanes are known and some are not.
+            // Few samples are known on only some lanes.
             for ((light, known), weight) in light[first + sure..].iter().zip(&known[first + sure..]).zip(border) {
                 for (sum, weight) in sum.iter_mut().zip(&weight[..3]) {
                     sum.iter_mut().zip(light).for_each(|(sum, light)| *sum += weight * light);
@@ -193,7 +193,7 @@ impl Work<'_> {
     }
 }
 
-/// X, Y and Z of samples along some rays.
+/// X, Y and Z of samples along a block of rays.
 #[inline(always)]
 fn add_up(light: &[[f32; LANES]], weights: &[Weight]) -> [[f32; LANES]; 3] {
     let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);

@@ -1,4 +1,4 @@
-//! The whole job: a photograph to a table, pictures and a report in a new folder.
+//! Reconstruction of a lookup table: table, pictures and report in a new folder.
 
 use super::input::{Input, light, named, photograph};
 use super::lookup::{Table, lookup};
@@ -12,23 +12,23 @@ use nacre_image::OutputFolder;
 use std::path::Path;
 use std::time::Instant;
 
-/// Part of a table's entries that may be half measured before it is warned of.
+/// Fraction of partly covered entries above which a warning is issued.
 const UNCOVERED: f64 = 0.05;
 
-/// Makes a table of `input` (a photograph, results of merged exposures, or exposures, which are merged first) in the new folder
-/// `out`.
+/// Computes a table from `input` (a photograph, merged exposures, or a series of exposures to merge first) in the new
+/// folder `out`.
 ///
 /// # Errors
-/// `Input` for anything about the photograph or the settings, before anything is written; `Output` when writing fails, after
-/// which nothing is left behind; `Cancelled`.
+/// `Input` for an invalid photograph or option, before anything is written. `Output` if writing fails; the partial
+/// folder is then removed. `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     perform(settings, input, out, false, progress)
 }
 
-/// Makes a table in a folder.
+/// Computes a table in a folder.
 ///
-/// Memory: 16 bytes per entry, at most 2 GB for an octave of radii, and three copies of the photograph; with a photograph of the light, 20 bytes
-/// per entry more.
+/// Memory: 16 bytes per entry, at most 2 GB for an octave of radii, and three copies of the photograph. A photograph of
+/// the light adds 20 bytes per entry.
 pub(super) fn table_into(
     folder: &OutputFolder,
     input: &Path,
@@ -96,8 +96,9 @@ fn narrow(wavelength: Wavelength) -> Option<f64> {
     }
 }
 
-/// What nobody can tell from the photograph, and an example of what it costs: the studies `lut-depth`, `lut-wavelength` and `lut-tilt`, in
-/// which orders at the rim are two pixels wide and some seventy from the zero order.
+/// Assumptions that a photograph cannot verify, each with an example of its effect. The examples stem from the studies
+/// `lut-depth`, `lut-wavelength` and `lut-tilt`, with orders at the rim two pixels wide and some seventy from the zero
+/// order.
 fn assumptions(report: &Report, settings: &Settings) -> Vec<String> {
     let mut all = vec![];
     match (report.wavelength_nm, settings.exponent) {

@@ -10,84 +10,85 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Result of making a table, in words and numbers.
+/// Result of a lookup-table reconstruction.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "LutReport")]
 pub struct Report {
     /// Always `lut`.
     pub method: &'static str,
-    /// What the reader must know before trusting the result. Empty when there is nothing.
+    /// Limitations of the result; empty if none is known.
     pub warnings: Vec<String>,
-    /// What the table takes for granted, which no photograph tells; the errors below do not count it.
+    /// Unverifiable assumptions; the errors below do not include their effect.
     pub assumptions: Vec<String>,
-    /// Entries of a row.
+    /// Width of the table in entries.
     pub width: usize,
-    /// Rows.
+    /// Height of the table in entries.
     pub height: usize,
     /// Largest component of the half vector.
     pub extent: f64,
-    /// Power of the warp.
+    /// Exponent of the warp.
     pub warp: i32,
     /// Wavelength of the photograph in nm.
     pub wavelength_nm: Wavelength,
-    /// Light.
+    /// Illuminant.
     pub illuminant: String,
-    /// Observer.
+    /// Standard observer.
     pub observer: Observer,
-    /// Power of λm/λ.
+    /// Exponent of λm/λ.
     pub exponent: f64,
-    /// Half vector per pixel of the photograph (of the resampled one where a geometry was given).
+    /// Half vector per pixel of the photograph, or of the resampled photograph if a geometry was given.
     pub scale: f64,
-    /// Place of the zero order in pixels from the left and the top of the photograph (of the resampled one's original).
+    /// Position of the zero order in pixels from the left and the top of the photograph, before resampling.
     pub center: [f64; 2],
-    /// Standard deviation of that, or how far a given place is from the lobe around it.
+    /// Standard deviation of `center` in pixels, or the distance between a given position and the nearby lobe.
     pub center_sigma_px: Option<f64>,
-    /// How entries were added up, and why so.
+    /// Summation method and the reason for it.
     pub choice: Choice,
-    /// All errors that are known together: root mean square of Y at the rim (a half vector's component above 0.6 of the extent), over
-    /// the table's own there.
+    /// Combined error: root mean square of Y at the rim (a half-vector component above 0.6 of the extent), relative to
+    /// the table's root mean square there.
     pub error_estimate: Option<f64>,
-    /// Its part of adding up: sums against finer sums of the same photograph, at the rim or of all, whichever is worse.
+    /// Summation error: sums against finer sums of the same photograph, at the rim or anywhere, whichever is larger.
     pub sum_error: Option<f64>,
-    /// Its part of the photograph between its pixels: those are too coarse for what is sharper, and noise is.
+    /// Interpolation error between the photograph's pixels, from structure finer than a pixel and from noise.
     pub sampling_error: Option<f64>,
-    /// Its part of what is not known of the zero order's place.
+    /// Error due to the uncertainty of the zero order's position.
     pub center_error: Option<f64>,
-    /// The light's shape, where its photograph was given.
+    /// Properties of the extended source, if its photograph was given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light: Option<LightReport>,
-    /// How far the filter's band spreads an order at the rim, full width at half maximum in pixels of the photograph.
+    /// Blur of an order at the rim due to the filter's bandwidth: full width at half maximum in pixels of the
+    /// photograph.
     pub band_px: Option<f64>,
-    /// What was covered.
+    /// Coverage of the entries.
     pub coverage: Coverage,
-    /// How the exposures were merged, when that was done first.
+    /// Report on merging the exposures, if any.
     pub merged: Option<hdr::Report>,
-    /// Seconds spent.
+    /// Computation times.
     pub seconds: Seconds,
 }
 
-/// How much of the table was measured: parts of its entries.
+/// Coverage of the table, as fractions of its entries.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Coverage {
-    /// Mean over all entries.
+    /// Mean coverage of all entries.
     pub mean: f64,
-    /// Entries of which all was measured (99 %).
+    /// Fraction of complete entries (coverage above 0.99).
     pub full: f64,
-    /// Entries of which next to nothing was measured (1 %): NaN.
+    /// Fraction of unknown entries (coverage below 0.01), which are NaN.
     pub none: f64,
 }
 
-/// What took how long.
+/// Computation times in seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 #[schemars(rename = "LutSeconds")]
 pub struct Seconds {
-    /// Reading, and merging exposures.
+    /// Reading, and merging of exposures.
     pub read: f64,
-    /// Adding up.
+    /// Summation.
     pub table: f64,
     /// Writing.
     pub write: f64,
-    /// Everything.
+    /// Total.
     pub total: f64,
 }
 

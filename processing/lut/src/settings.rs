@@ -1,4 +1,4 @@
-//! What the user may choose.
+//! Options of the lookup-table reconstruction.
 
 use super::geometry::Placement;
 use super::input::check_input;
@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Limits of a table's side.
+/// Range of a table's width and height in entries.
 pub const SIZES: std::ops::RangeInclusive<usize> = 16..=8192;
 
 /// Make a lookup table of a diffraction pattern from one photograph.
@@ -56,7 +56,8 @@ pub struct Settings {
     /// Standard observer of the CIE: 1931 (2°) or 1964 (10°).
     #[schemars(extend("x-advanced" = true))]
     pub observer: Observer,
-    /// Power of λm/λ: 4 is exact for shallow gratings to first order, 2 is that of the paper; deep gratings follow none.
+    /// Power of λm/λ: 4 is exact for shallow gratings to first order, 2 is that of the paper; deep gratings follow
+    /// none.
     #[schemars(range(min = -10, max = 10))]
     #[schemars(extend("x-advanced" = true))]
     pub exponent: f64,
@@ -65,7 +66,8 @@ pub struct Settings {
     /// The table is written in any case; the exit code is 1 when the error is larger.
     #[schemars(extend("x-placeholder" = "REL"), range(min = 1e-4, max = 1.0))]
     pub max_error: f64,
-    /// Summation: auto is the cheapest of rays and single that meets the error; fixed steps of wavelength are the paper's.
+    /// Summation: auto is the cheapest of rays and single that meets the error; fixed steps of wavelength are the
+    /// paper's.
     #[schemars(extend("x-advanced" = true, "x-placeholder" = "auto|rays[=PX]|single[=PX]|fixed[=NM]"))]
     pub method: MethodChoice,
     /// Channel of a colour photograph (default: that of the wavelength).
@@ -101,7 +103,7 @@ Writes lut.exr (X Y Z coverage over half vectors ωi + ωo from -E to E, x to th
 photograph that is 1 everywhere and the exponent 0; coverage is the part of each entry that was measured),
 lut.png, coverage.png, profile.csv (means over rings) and report.json.";
 
-/// A photograph of a light's mirror image.
+/// Photograph of a light's mirror image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LightPhotograph {
@@ -112,11 +114,11 @@ pub struct LightPhotograph {
     #[serde(default)]
     #[schemars(extend("x-placeholder" = "H_PER_PIXEL"))]
     pub scale: Option<f64>,
-    /// Its pixel that is put where the zero order is, or auto: the middle of its light.
+    /// Pixel of that photograph at the zero order, or auto: the centroid of the light.
     #[serde(default)]
     #[schemars(extend("x-placeholder" = "auto|X,Y", "x-unset" = "auto"))]
     pub center: Option<[f64; 2]>,
-    /// Its transfer function (default: that of the pattern's photograph).
+    /// Transfer function of that photograph (default: that of the pattern's photograph).
     #[serde(default)]
     #[schemars(extend("x-placeholder" = "linear|srgb|gamma=NUMBER"))]
     pub transfer: Option<Transfer>,
@@ -126,26 +128,26 @@ pub struct LightPhotograph {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Wavelength {
-    /// Of one narrow band, in nm.
+    /// One narrow band, in nm.
     Band(f64),
-    /// That the red, green and blue channel stand for, in nm.
+    /// Wavelengths in nm that represent the red, green and blue channel.
     Channels([f64; 3]),
 }
 
-/// How entries are added up.
+/// Summation method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MethodChoice {
-    /// The cheapest that is exact enough.
+    /// Cheapest method that meets the error.
     #[default]
     Auto,
     /// Rays with this spacing in pixels.
     #[schemars(extend("x-bare" = 1.0))]
     Rays(f64),
-    /// Each entry by itself, with samples this many pixels apart.
+    /// Entry by entry, with samples this many pixels apart.
     #[schemars(extend("x-bare" = 0.5))]
     Single(f64),
-    /// Wavelengths this many nm apart, as the paper has it.
+    /// Entry by entry, with wavelengths this many nm apart, as in the paper.
     #[schemars(extend("x-bare" = 5.0))]
     Fixed(f64),
 }
@@ -197,10 +199,10 @@ impl Operation for Settings {
 }
 
 impl Settings {
-    /// Refuses what makes no sense.
+    /// Validates the options.
     ///
     /// # Errors
-    /// `Input`, which names the setting.
+    /// `Input`, naming the option.
     pub fn check(&self) -> Result<()> {
         let within = |what: &str, value: f64, low: f64, high: f64| {
             if (low..=high).contains(&value) {
@@ -257,7 +259,7 @@ impl Settings {
     /// Wavelengths of the photograph.
     ///
     /// # Errors
-    /// `Input` when nobody has said them.
+    /// `Input` if none is given.
     pub(super) fn bands(&self) -> Result<Wavelength> {
         let remedy = "give --wavelength-nm NM of the filter, or those of red, green and blue";
         self.wavelength_nm.ok_or_else(|| Error::input("wavelength", "is not known", remedy))

@@ -1,19 +1,21 @@
-//! Whether a photograph's pixels are fine enough for what they show.
+//! Test whether a photograph's pixels resolve its structure.
 
 use super::photograph::Photograph;
 use super::plane::Plane;
 
-/// Most pixels that are looked at.
+/// Maximum number of sampled pixels.
 const PIXELS: usize = 40_000;
 
-/// Nearer to the zero order than this part of the shorter side nothing is looked at: it is brighter than all else.
+/// Radius around the zero order that is excluded, as a fraction of the shorter side: it outshines all other light.
 const INSIDE: f64 = 0.15;
 
-/// Root mean square error of the photograph between its pixels, over its own light there. None where nothing can be told.
+/// Root mean square interpolation error of the photograph between its pixels, relative to its root mean square; `None`
+/// without light.
 ///
-/// Every second pixel of every second row alone leaves pixels in between, where the error of interpolation is seen. With all pixels it is
-/// smaller; by how much was found for Gaussian orders of 0.6 to 4 pixels (0.17 to 3·10⁻⁵, to a factor of 1.7). A table's entries,
-/// which are sums along a line, are about twice as good. Noise counts as well.
+/// The photograph is subsampled by two in each direction; interpolated values are compared with the omitted pixels. The
+/// error at full resolution is smaller, by a relation found for Gaussian orders of 0.6 to 4 pixels (0.17 to 3·10⁻⁵,
+/// within a factor of 1.7). Entries of a table, which are line integrals, are about twice as accurate. Noise
+/// contributes to the error.
 pub(super) fn between_pixels(p: &Photograph, center: [f64; 2]) -> Option<f64> {
     let (width, height) = (p.width.div_ceil(2), p.height.div_ceil(2));
     let half: Vec<f32> = (0..width * height).map(|i| p.light[i / width * 2 * p.width + i % width * 2]).collect();

@@ -7,10 +7,10 @@ use pulp::Arch;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Within so many pixels of the zero order every entry is summed up by itself.
+/// Radius around the zero order, in pixels, within which entries are summed individually.
 pub(super) const INNER_PX: f64 = 4.0;
 
-/// Coefficients of t, t³, … of the arc tangent of 0 to 1: the polynomial of least largest error, 4·10⁻⁸.
+/// Coefficients of t, t³, … of the arc tangent on 0 to 1: minimax polynomial with an error of 4·10⁻⁸.
 const ARC_TANGENT: [f32; 8] = [
     0.999_999_34,
     -0.333_298_6,
@@ -22,38 +22,38 @@ const ARC_TANGENT: [f32; 8] = [
     -0.004_054_365_7,
 ];
 
-/// Which half vectors a table holds.
+/// Grid of half vectors of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grid {
-    /// Entries of a row and a column.
+    /// Entries per row and column.
     pub size: usize,
     /// Largest component of the half vector ωi + ωo.
     pub extent: f64,
-    /// Power of the warp, odd: entries lie at `extent · aⁿ` with `a` even between −1 and 1.
+    /// Exponent of the warp, odd: entries lie at `extent · aⁿ` with `a` uniform between −1 and 1.
     pub warp: i32,
 }
 
 impl Grid {
-    /// Component of the half vector of the `k`-th entry.
+    /// Half-vector component of the `k`-th entry.
     pub(super) fn at(&self, k: usize) -> f64 {
         let even = (2.0 * k as f64 + 1.0) / self.size as f64 - 1.0;
         self.extent * even.powi(self.warp)
     }
 }
 
-/// How entries are added up.
+/// Summation method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Method {
-    /// All at once, by rays.
+    /// All entries at once, by rays.
     Rays(Fineness),
-    /// Each by itself, with samples this many pixels of the photograph apart.
+    /// Entry by entry, with samples this many pixels of the photograph apart.
     Single { spacing_px: f64 },
-    /// Each by itself, with wavelengths this many nm apart, as the paper has it.
+    /// Entry by entry, with wavelengths this many nm apart, as in the paper.
     Fixed { step_nm: f64 },
 }
 
-/// A photograph, where its zero order is, and how large its pixels are in half vectors. What lies right of the zero order is seen, and
-/// lit, from its left: its half vector ωi + ωo points to the left.
+/// A photograph, its zero order, and its pixel size in half vectors. Positions right of the zero order are lit and seen
+/// from their left: their half vectors ωi + ωo point to the left.
 pub(super) struct Source<'a> {
     pub plane: &'a Plane,
     pub center: [f64; 2],
@@ -100,14 +100,14 @@ impl Source<'_> {
         }
     }
 
-    /// Whether any entry from this radius on can see the photograph.
+    /// True if an entry at this radius or beyond overlaps the photograph.
     fn reaches(&self, kernel: &Kernel, radius: f64) -> bool {
         let far = |c: f64, n: usize| c.max((n - 1) as f64 - c);
         let farthest = far(self.center[0], self.plane.width).hypot(far(self.center[1], self.plane.height));
         radius * (-kernel.range()[1]).exp() <= farthest
     }
 
-    /// One entry whose half vector is so many pixels to the right and up.
+    /// Sums one entry; (u, v) is its half vector in pixels, to the right and up.
     #[inline]
     pub(super) fn sum(&self, taps: &[(f32, Weight)], u: f32, v: f32) -> Weight {
         let center = self.center.map(|c| c as f32);
@@ -128,14 +128,14 @@ impl Source<'_> {
     }
 }
 
-/// Works out the entries whose radius in pixels lies above the first and up to the second.
+/// Computes the entries with radii in pixels above `inner` and up to `outer`.
 fn each(table: &mut [Weight], side: &[f32], [inner, outer]: [f64; 2], entry: impl Fn(f32, f32, f32) -> Weight + Sync) {
     let (least, most) = ((inner * inner) as f32, (outer * outer) as f32);
     let begin = side.partition_point(|u| f64::from(*u) < -outer);
     let end = side.partition_point(|u| f64::from(*u) <= outer);
     let size = side.len();
     table.par_chunks_mut(size).enumerate().skip(begin).take(end - begin).for_each(|(y, row)| {
-        // The first row is the uppermost.
+        // The first row is the top row.
         let v = side[size - 1 - y];
         let (side, row) = (&side[begin..end], &mut row[begin..end]);
         Arch::new().dispatch(
@@ -152,7 +152,8 @@ fn each(table: &mut [Weight], side: &[f32], [inner, outer]: [f64; 2], entry: imp
     });
 }
 
-/// Angle of a direction, 0 to 2π, to the last digit or two of f32; unlike the library's function it vectorises.
+/// Angle of a direction, 0 to 2π, to one or two units in the last place of f32. Unlike the library's function it
+/// vectorises.
 #[inline(always)]
 pub(super) fn angle(u: f32, v: f32) -> f32 {
     let (large, small) = (u.abs().max(v.abs()), u.abs().min(v.abs()));

@@ -1,4 +1,4 @@
-//! Tables of orders that are known.
+//! Tables of patterns with known orders.
 
 use super::table::Grid;
 use super::*;
@@ -19,7 +19,7 @@ impl Lattice {
         for m in [a.floor(), a.ceil()] {
             for n in [b.floor(), b.ceil()] {
                 let square = ((a - m).powi(2) + (b - n).powi(2)) * self.pitch * self.pitch;
-                // More to one side, as a blazed grating has it.
+                // Asymmetric, as for a blazed grating.
                 let strength = (1.0 + 0.5 * m / (1.0 + m.abs())) / (1.0 + 0.4 * (m * m + n * n));
                 sum += strength * (-0.5 * square / (self.sigma * self.sigma)).exp();
             }
@@ -27,17 +27,16 @@ impl Lattice {
         sum
     }
 
-    /// A photograph whose zero order lies at `center` and whose pixels are `scale` wide.
+    /// Photograph with its zero order at `center` and `scale` half vectors per pixel.
     pub(super) fn photograph(&self, size: usize, center: [f64; 2], scale: f64) -> Vec<f32> {
         let at = |i: usize| {
-            // Half vectors point against the offset from the zero order, and rows go down.
+            // Half vectors point against the offset from the zero order, and rows grow downwards.
             self.light((center[0] - (i % size) as f64) * scale, ((i / size) as f64 - center[1]) * scale) as f32
         };
         (0..size * size).map(at).collect()
     }
 
-    /// Y of an entry by a sum over wavelengths 0.1 nm apart, of light as it is rather than of a photograph; of a photograph, only as
-    /// far as it reaches.
+    /// Y of an entry as a sum over wavelengths 0.1 nm apart of the exact pattern, within the photograph's `reach`.
     pub(super) fn entry(&self, light: &Illuminant, exponent: f64, u: f64, v: f64, reach: [f64; 4]) -> f64 {
         let (mut sum, mut white) = (0.0, 0.0);
         for k in 0..4700 {
@@ -57,7 +56,7 @@ impl Lattice {
 const SIZE: usize = 1000;
 const CENTER: [f64; 2] = [500.3, 498.8];
 
-/// A lattice whose orders are two pixels wide, photographed with so many half vectors per pixel.
+/// A lattice with orders two pixels wide, and its half vectors per pixel.
 struct Scene {
     lattice: Lattice,
     scale: f64,
@@ -66,11 +65,11 @@ struct Scene {
 /// The photograph ends where the table does.
 const NARROW: Scene = Scene { lattice: Lattice { pitch: 0.085, sigma: 0.004, angle: 0.2 }, scale: 0.002 };
 
-/// The photograph shows all that the table needs.
+/// The photograph covers all half vectors that the table needs.
 const WIDE: Scene = Scene { lattice: Lattice { pitch: 0.1, sigma: 0.0072, angle: 0.2 }, scale: 0.0036 };
 
 impl Scene {
-    /// Half vectors that the photograph shows.
+    /// Range of half vectors that the photograph covers.
     fn reach(&self) -> [f64; 4] {
         let last = (SIZE - 1) as f64;
         [CENTER[0] - last, CENTER[0], -CENTER[1], last - CENTER[1]].map(|p| p * self.scale)
@@ -83,7 +82,7 @@ impl Scene {
             scale: Some(self.scale),
             extent: Some(1.0),
             size: 512,
-            // Found to a hundredth of a pixel, which is too little for a thousandth.
+            // The zero order is detected to 0.01 pixels, which does not suffice for an error of 0.1 %.
             center: (max_error < 0.01).then_some(CENTER),
             method,
             max_error,
@@ -92,12 +91,13 @@ impl Scene {
         (lookup(&[Photograph { light, width: SIZE, height: SIZE }], &settings).unwrap(), settings)
     }
 
-    /// Root mean square of what Y is off, over its own, where the larger half vector lies in a range.
+    /// Root mean square error of Y, relative to its root mean square, where the larger half-vector component lies in a
+    /// range.
     fn error(&self, (table, settings): &(Table, Settings), range: std::ops::Range<f64>) -> f64 {
         let grid = Grid { size: settings.size, extent: table.extent, warp: settings.warp };
         let light = Illuminant::named(&settings.illuminant).unwrap();
         let (mut square, mut all, mut count) = (0.0, 0.0, 0);
-        // Some entries, whose places have nothing to do with those of the orders.
+        // Sampled entries with positions unrelated to those of the orders.
         for i in (0..table.entries.len()).step_by(grid.size * grid.size / 2003) {
             let (u, v) = (grid.at(i % grid.size), grid.at(grid.size - 1 - i / grid.size));
             if range.contains(&u.abs()) {
@@ -126,7 +126,7 @@ fn tables_are_as_exact_as_asked_for_where_fixed_steps_are_not() {
             found.push([rim, inside]);
         }
         assert!(found[0].iter().all(|e| *e < 0.01), "{name}: {found:?}");
-        // Where the photograph ends is known to a part of a pixel only.
+        // The border of the photograph is known only to a fraction of a pixel.
         assert!(found[1].iter().all(|e| *e < finest), "{name}: {found:?}");
         if name == "narrow" {
             assert!(found[2][0] > 0.05, "{found:?}");
@@ -139,21 +139,21 @@ fn pixels_that_are_too_coarse_are_noticed() {
     for px in [0.6, 1.0, 2.0] {
         let scale = WIDE.scale;
         let scene = Scene { lattice: Lattice { pitch: 0.1, sigma: px * scale, angle: 0.2 }, scale };
-        // The finder refuses lobes of less than nine pixels; this one is told the place.
+        // The detector rejects lobes of fewer than nine pixels, so the position is given.
         let made = scene.table(MethodChoice::Auto, 0.009);
         let (off, said) = (scene.error(&made, 0.6..2.0), made.0.whole_error().unwrap());
         println!("{px} px: {off:.5}, said {said:.5}, between pixels {:.5}", made.0.sampling_error.unwrap());
-        // Twice what it is off by, for room: parts are added as if they had nothing to do with each other.
+        // The estimate is about twice the true error, because its parts are added as if independent.
         assert!(off < said && said < 3.0 * off, "{px}: {off} {said}");
     }
 }
 
-/// Between orders on a black background there is nothing to interpolate, so a table costs what it costs on a dim one. The cost is the
-/// one that the choice counts, so that no clock is needed.
+/// A black background between orders needs no interpolation, so a table costs as much as on a dim background. The test
+/// compares predicted costs and needs no clock.
 #[test]
 fn a_black_background_costs_no_more_than_a_dim_one() {
-    // The orders of the last end far inside of the photograph. Its trial moves inward to them, while that of the dim one stays at the rim, where
-    // there is nothing but the background, and is satisfied sooner.
+    // The orders of the last case end far inside of the photograph. Its trial moves inwards to them, while that of the
+    // dim background stays at the rim and is satisfied with a coarser sampling.
     for (pitch, angle, end, most) in [
         (0.58, 0.3, 9.0, 1.3),
         (0.46, 0.785, 9.0, 1.3),

@@ -1,4 +1,4 @@
-//! Maps in memory and in their files.
+//! Maps in memory and in files.
 
 use nacre_base::{Error, Result};
 use nacre_image::budget::Operation;
@@ -6,23 +6,23 @@ use nacre_image::{Attribute, ExrMap, MAX_PIXELS, OutputFolder, read_exr, write_e
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Most pixels of a map that is edited.
+/// Maximum number of pixels of a map to edit.
 pub(super) const MOST_PIXELS: usize = MAX_PIXELS;
 
-/// What a map holds.
+/// Quantity of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// Direction of the grating vector, [0, π) rad, anticlockwise from right.
+    /// Direction of the grating vector, [0, π) rad, anticlockwise from the right.
     Orientation,
     /// Period in µm.
     Period,
 }
 
 impl Kind {
-    /// Both.
+    /// All kinds.
     pub const ALL: [Self; 2] = [Self::Orientation, Self::Period];
 
-    /// Name of its channel.
+    /// Name of the EXR channel.
     pub fn name(self) -> &'static str {
         match self {
             Self::Orientation => "orientation",
@@ -30,43 +30,43 @@ impl Kind {
         }
     }
 
-    /// Name of its file.
+    /// Name of the file.
     pub fn file(self) -> String {
         format!("{}.exr", self.name())
     }
 }
 
-/// One map: planes of `width · height` values, row 0 on top.
+/// One map: planes of `width · height` values, top row first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
     /// Orientations (rad) or periods (µm), NaN where masked.
     pub value: Vec<f32>,
-    /// Their standard deviations; NaN where unknown.
+    /// Standard deviations of `value`, in the same unit; NaN where unknown.
     pub sigma: Vec<f32>,
-    /// 1 where there is a value, else 0.
+    /// 1 where there is a value, otherwise 0.
     pub mask: Vec<f32>,
     /// Other channels.
     pub more: BTreeMap<String, Vec<f32>>,
-    /// Attributes of its header.
+    /// Attributes of the EXR header.
     pub attributes: BTreeMap<String, String>,
 }
 
-/// Maps of one sample.
+/// Maps of one sample, of equal size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Maps {
     /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// The maps, by what they hold; one at least.
+    /// The maps by quantity; at least one.
     pub maps: BTreeMap<Kind, Map>,
 }
 
 impl Maps {
-    /// Reads a folder with maps, or one of the files.
+    /// Reads a folder of maps, or a single map file.
     ///
     /// # Errors
-    /// `Input` for what is none, and for maps of different sizes.
+    /// `Input` for other files, and for maps of different sizes.
     pub fn read(input: &Path) -> Result<Self> {
         let remedy = "give a folder with orientation.exr or period.exr, or one of these files";
         let files: Vec<PathBuf> = if input.is_dir() {
@@ -104,7 +104,7 @@ impl Maps {
     /// Writes each map into a folder.
     ///
     /// # Errors
-    /// `Output` when the system refuses.
+    /// `Output` if writing fails.
     pub fn write(&self, folder: &OutputFolder) -> Result<()> {
         for (kind, map) in &self.maps {
             let planes = map.planes(*kind);
@@ -119,7 +119,7 @@ impl Maps {
     }
 }
 
-/// Numbers are read as text; those that come back as the same text were numbers.
+/// Restores an attribute's type: text that a number would print identically becomes a number.
 fn attribute(text: &str) -> Attribute {
     match text.parse::<f64>() {
         Ok(number) if number.to_string() == text => Attribute::Number(number),
@@ -157,7 +157,7 @@ impl Map {
         own.into_iter().chain(self.more.iter().map(|(n, p)| (n.as_str(), p))).collect()
     }
 
-    /// Pixels that have a value.
+    /// Number of unmasked pixels.
     pub fn known(&self) -> usize {
         self.mask.iter().filter(|m| **m > 0.0).count()
     }

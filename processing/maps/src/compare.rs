@@ -1,4 +1,4 @@
-//! Maps of one sample by several methods, each against the first.
+//! Comparison of maps of one sample from several methods with the first of them.
 
 use super::asset::{Kind, Map, Maps};
 use nacre_base::statistics::median;
@@ -9,72 +9,72 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Most maps that are compared.
+/// Maximum number of maps.
 const MOST: usize = 8;
 
-/// Longest side on which maps are laid over each other at first, in pixels.
+/// Longest side in pixels of the maps used for coarse registration.
 const LONGEST: usize = 512;
 
-/// Least part of what the smaller map knows that the other must know as well.
+/// Minimum overlap, as a fraction of the smaller map's known pixels.
 const OVERLAP: f32 = 0.3;
 
-/// Likeness below which maps are hardly of one sample.
+/// Correlation below which a warning doubts that the maps show one sample.
 const UNLIKE: f64 = 0.5;
 
-/// A difference of so many of its own σ counts as one that σ does not explain.
+/// Difference in standard deviations above which a pixel counts as inconsistent.
 const BEYOND: f64 = 5.0;
 
-/// How two maps agree where both know something.
+/// Agreement of two maps where both are defined.
 #[derive(Clone, Debug, Serialize)]
 pub struct Agreement {
-    /// Pixels that both know.
+    /// Number of pixels defined in both maps.
     pub pixels: usize,
-    /// Median difference to the first: degrees, or parts of the period.
+    /// Median difference from the first map: degrees, or fraction of the period.
     pub offset: f64,
-    /// Median distance from that.
+    /// Median absolute deviation from `offset`.
     pub scatter: f64,
-    /// Median of the difference over both σ together, over that of a normal distribution: 1 where σ is right and nothing else differs.
-    /// None where a σ is missing.
+    /// Median of the difference over the combined σ, relative to its value for a normal distribution: 1 if σ describes
+    /// all differences. `None` if a σ is missing.
     pub sigmas: Option<f64>,
-    /// Part of the pixels that differ by more than five σ.
+    /// Fraction of the pixels that differ by more than five σ.
     pub beyond: Option<f64>,
 }
 
-/// A map, and how it agrees with the first.
+/// A map, and its agreement with the first map.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
-    /// Its name.
+    /// Name of the map.
     pub name: String,
-    /// Part of its own pixels that have an orientation or a period.
+    /// Fraction of its pixels with an orientation or a period.
     pub known: f64,
     /// Median σ of orientations in degrees.
     pub sigma_deg: Option<f64>,
-    /// Median σ of periods, over themselves.
+    /// Median relative σ of periods.
     pub sigma_period: Option<f64>,
-    /// Pixels to the right and down by which it was moved, in those of the first.
+    /// Shift to the right and down by registration, in pixels of the first map.
     pub shift_px: [i64; 2],
-    /// How alike it is there, 1 for the same.
+    /// Correlation with the first map after the shift; 1 for identical maps.
     pub likeness: f64,
-    /// Orientations, if both have them.
+    /// Agreement of orientations, if both maps have them.
     pub orientation: Option<Agreement>,
-    /// Periods, if both have them.
+    /// Agreement of periods, if both maps have them.
     pub period: Option<Agreement>,
 }
 
-/// All maps, laid over the first.
+/// All maps, registered to the first.
 pub struct Comparison {
-    /// As they lie, all of the first one's size.
+    /// Registered maps, all of the first one's size.
     pub maps: Vec<(String, Maps)>,
-    /// What each says, the first one too; how those after it agree with it.
+    /// Statistics of each map, including the first, and its agreement with the first.
     pub compared: Vec<Compared>,
-    /// What was in doubt.
+    /// Warnings about scale and registration.
     pub warnings: Vec<String>,
 }
 
-/// Lays maps over the first, where `align` wants that, and compares.
+/// Registers maps to the first, if `align` is set, and compares them.
 ///
 /// # Errors
-/// `Input` for fewer than two, or more than eight; for such as have nothing in common.
+/// `Input` for fewer than two or more than eight maps, and for maps without common pixels.
 pub fn compare(all: Vec<(String, Maps)>, align: bool) -> Result<Comparison> {
     if !(2..=MOST).contains(&all.len()) {
         let problem = format!("are {}", all.len());
@@ -132,12 +132,12 @@ fn described(name: &str, maps: &Maps) -> Compared {
     }
 }
 
-/// Size of a map's pixels in µm, if its header has it.
+/// Pixel size in µm, if the map's header states it.
 pub(super) fn pixel_um(maps: &Maps) -> Option<f64> {
     maps.maps.values().find_map(|m| m.attributes.get("pixel_um")?.parse().ok()).filter(|p: &f64| *p > 0.0)
 }
 
-/// A map with pixels of the first one's size.
+/// Resamples a map to the pixel size of the first.
 fn scaled(first: &Maps, other: Maps, name: &str, warnings: &mut Vec<String>) -> Result<Maps> {
     let (Some(wanted), Some(own)) = (pixel_um(first), pixel_um(&other)) else {
         if [first.width, first.height] != [other.width, other.height] {
@@ -146,14 +146,14 @@ fn scaled(first: &Maps, other: Maps, name: &str, warnings: &mut Vec<String>) -> 
         return Ok(other);
     };
     let factor = own / wanted;
-    // Less than half a pixel over the whole of it.
+    // The sizes differ by less than half a pixel over the whole map.
     if ((factor - 1.0) * other.width.max(other.height) as f64).abs() < 0.5 {
         return Ok(other);
     }
     other.resampled(factor)
 }
 
-/// A field that is alike where maps agree: lines of orientations, or periods about their mean.
+/// Complex field whose correlation measures agreement: doubled orientation angles, or periods minus their mean.
 fn field(maps: &Maps, kind: Kind, step: usize) -> Option<Field> {
     let map = maps.maps.get(&kind)?;
     let (width, height) = (maps.width.div_ceil(step), maps.height.div_ceil(step));
@@ -169,11 +169,11 @@ fn field(maps: &Maps, kind: Kind, step: usize) -> Option<Field> {
     let count = width * height;
     let mask: Vec<f32> = (0..count).map(|i| map.mask[from(i)]).collect();
     let field = Field { width, height, values: (0..count).map(value).collect(), mask };
-    // Orientations may be one all over, and still be alike.
+    // The mean of orientations is kept, since uniform orientations can agree, too.
     Some(if kind == Kind::Period { field.centered() } else { field })
 }
 
-/// Where another map lies on the first, and how alike they are there.
+/// Shift of another map on the first, and their correlation there.
 fn placed(first: &Maps, other: &Maps) -> Option<([i64; 2], f64)> {
     let kind = Kind::ALL.into_iter().find(|k| first.maps.contains_key(k) && other.maps.contains_key(k))?;
     let longest = first.width.max(first.height).max(other.width).max(other.height);
@@ -191,7 +191,7 @@ fn placed(first: &Maps, other: &Maps) -> Option<([i64; 2], f64)> {
     if step == 1 {
         return Some((coarse, f64::from(all.at(coarse))));
     }
-    // Between the coarse steps, on some of the pixels.
+    // Refinement between the coarse steps, on a subset of the pixels.
     let (a, b) = (field(first, kind, 1)?, field(other, kind, 1)?);
     let reach = step as i64;
     let near: Vec<[i64; 2]> = (-reach..=reach)
@@ -201,7 +201,7 @@ fn placed(first: &Maps, other: &Maps) -> Option<([i64; 2], f64)> {
     tried.max_by(|p, q| p.1.total_cmp(&q.1))
 }
 
-/// Likeness of two fields at a shift, from every so manieth pixel along each side.
+/// Correlation of two fields at a shift, from every `step`-th pixel along each axis.
 fn likeness(a: &Field, b: &Field, [dx, dy]: [i64; 2], step: usize) -> f64 {
     let (mut same, mut of_a, mut of_b) = (0.0, 0.0, 0.0);
     for y in (0..b.height).step_by(step) {
@@ -221,10 +221,10 @@ fn likeness(a: &Field, b: &Field, [dx, dy]: [i64; 2], step: usize) -> f64 {
     same / (of_a * of_b).sqrt().max(1e-30)
 }
 
-/// How a map agrees with another of the same size; none where they have no pixel in common.
+/// Agreement of two maps of the same size; `None` without common pixels.
 fn agreement(first: &Map, other: &Map, kind: Kind) -> Option<Agreement> {
     let both: Vec<usize> = (0..first.value.len()).filter(|i| first.mask[*i] * other.mask[*i] > 0.0).collect();
-    // Difference, and σ of it.
+    // Difference and its σ.
     let one = |i: &usize| {
         let [a, b] = [first, other].map(|m| [f64::from(m.value[*i]), f64::from(m.sigma[*i])]);
         match kind {
@@ -233,7 +233,7 @@ fn agreement(first: &Map, other: &Map, kind: Kind) -> Option<Agreement> {
         }
     };
     let off: Vec<[f64; 2]> = both.iter().map(one).collect();
-    // Of angles, about the mean line, so that 90° and -90° are the same.
+    // Differences are taken about the circular mean, because 90° and -90° are the same orientation.
     let about = if kind == Kind::Orientation {
         let sum = off.iter().fold([0.0; 2], |s, d| {
             let (sin, cos) = (2.0 * d[0].to_radians()).sin_cos();
@@ -256,7 +256,7 @@ fn agreement(first: &Map, other: &Map, kind: Kind) -> Option<Agreement> {
     Some(Agreement { pixels: both.len(), offset, scatter, sigmas, beyond })
 }
 
-/// A turn the short way around, in rad.
+/// Angle difference modulo half a turn, in rad.
 fn fold(turn: f64) -> f64 {
     (turn + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2
 }

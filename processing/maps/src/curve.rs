@@ -5,27 +5,27 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// Most rows of a table.
+/// Maximum number of table rows.
 const MAX_ROWS: usize = 20_000;
 
-/// A curve.
+/// Relation of period and orientation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(rename = "PeriodCurve")]
 pub enum Curve {
     /// `min + (max - min) (θ/π)²` (2018 paper, section 6.4, Fig. 22a): both in µm.
     Quadratic([f64; 2]),
-    /// `min + (max - min) sin²(θ/2)`: from the first at 0° to the second at 180°, as Fig. 22b has it.
+    /// `min + (max - min) sin²(θ/2)` in µm, from min at 0° to max at 180° (2018 paper, Fig. 22b).
     SineSquared([f64; 2]),
-    /// Orientation in degrees, rising, and period in µm: linear in between, nothing outside.
+    /// Rows of orientation in degrees, increasing, and period in µm; linear interpolation, undefined outside.
     Table(Vec<[f64; 2]>),
 }
 
 impl Curve {
-    /// Itself, if it makes sense.
+    /// Validates the curve.
     ///
     /// # Errors
-    /// `Input` for periods beyond 0.01 to 10000 µm, and orientations that do not rise from 0° to 180°.
+    /// `Input` for periods outside of 0.01 to 10000 µm, and for orientations that do not increase within 0° to 180°.
     pub(super) fn checked(self) -> Result<Self> {
         let bad = |problem: String| {
             let remedy = "give periods of 0.01 to 10000 µm, at orientations that rise from 0° to 180°";
@@ -49,7 +49,7 @@ impl Curve {
         }
     }
 
-    /// Period in µm for an orientation in rad, and its derivative in µm per rad; none outside of a table.
+    /// Period in µm at an orientation in rad, and its derivative in µm per rad; `None` outside of a table.
     pub fn at(&self, theta: f64) -> Option<[f64; 2]> {
         match self {
             Self::Quadratic([a, b]) => {

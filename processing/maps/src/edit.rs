@@ -1,4 +1,4 @@
-//! What can be done to maps, in one fixed order.
+//! Edits of maps, in one fixed order.
 
 use super::asset::{Kind, MOST_PIXELS, Map, Maps};
 use super::curve::Curve;
@@ -30,13 +30,13 @@ pub struct Edits {
     /// Rotation of image and orientations in degrees, anticlockwise; multiples of 90 are exact.
     #[schemars(extend("x-aliases" = ["rotate"]))]
     pub rotate_deg: Option<f64>,
-    /// Factor of the number of pixels along each side.
+    /// Scale factor of the number of pixels along each axis.
     #[schemars(extend("x-advanced" = true))]
     pub resample: Option<f64>,
-    /// Copies along a row and a column.
+    /// Number of copies along a row and a column.
     #[schemars(extend("x-placeholder" = "NxM"))]
     pub tile: Option<[usize; 2]>,
-    /// Width and height in pixels, cropped or filled by more copies.
+    /// Width and height in pixels; crops, or fills with further copies.
     #[schemars(extend("x-placeholder" = "WxH"))]
     pub size: Option<[usize; 2]>,
     /// Arrangement of copies.
@@ -44,15 +44,15 @@ pub struct Edits {
     /// Rotation of orientations alone in degrees, anticlockwise.
     #[schemars(extend("x-aliases" = ["orientation-offset"]))]
     pub orientation_offset_deg: Option<f64>,
-    /// Periods as a function of orientation, from the first at 0° to the second at 180° in µm, or rows of orientation_deg,period_um. They
-    /// replace those that are there.
+    /// Periods as a function of orientation: from the first at 0° to the second at 180° in µm, or rows of
+    /// orientation_deg,period_um. Replaces existing periods.
     #[schemars(extend("x-table" = "table", "x-placeholder" = "quadratic=MIN,MAX|sine-squared=MIN,MAX|FILE.csv"))]
     pub period: Option<Curve>,
-    /// Factor of periods.
+    /// Scale factor of periods.
     pub scale: Option<f64>,
     /// Offset of periods in µm.
     pub offset_um: Option<f64>,
-    /// Least and largest period in µm.
+    /// Minimum and maximum period in µm; other values are clamped.
     #[schemars(extend("x-advanced" = true, "x-placeholder" = "MIN:MAX", "x-aliases" = ["clamp"]))]
     pub clamp_um: Option<[f64; 2]>,
     /// Colour map of angles in the picture: cyclic (even steps, also for colour-blind readers) or hsv.
@@ -65,10 +65,10 @@ pub struct Edits {
     pub no_scale_bar: bool,
 }
 
-/// Edits maps.
+/// Applies the edits.
 ///
 /// # Errors
-/// `Input` for edits that make no sense, or for which a map is missing.
+/// `Input` for invalid edits, and for edits of a missing map.
 pub fn edit(maps: &Maps, edits: &Edits) -> Result<Maps> {
     edits.check(maps)?;
     let mut new = maps.clone();
@@ -100,24 +100,24 @@ pub fn edit(maps: &Maps, edits: &Edits) -> Result<Maps> {
 }
 
 impl Edits {
-    /// Time, memory and disk of the edit, from the largest map among its steps.
+    /// Predicted time, memory and disk space, from the largest intermediate map.
     pub fn work(&self, maps: &Maps) -> Work {
         let factor = self.resample.unwrap_or(1.0);
         let resampled = [maps.width, maps.height].map(|n| (n as f64 * factor).ceil().max(1.0) as usize);
         let tile = self.tile.unwrap_or([1, 1]);
         let tiled = [0, 1].map(|side| resampled[side].saturating_mul(tile[side]));
         let sizes = [[maps.width, maps.height], resampled, tiled, self.size.unwrap_or(tiled)];
-        // Larger ones are refused by the edit.
+        // Larger maps are rejected by the edit itself.
         let allowed = sizes.into_iter().filter(|[w, h]| w.saturating_mul(*h) <= MOST_PIXELS);
         let [width, height] = allowed.max_by_key(|[w, h]| w * h).unwrap_or_default();
         let info = Info { width, height, channels: 3, depth: Depth::F32 };
         Operation::Maps(maps.maps.len() + usize::from(self.period.is_some())).work(info)
     }
 
-    /// Refuses what makes no sense, or lacks a map.
+    /// Rejects invalid edits, and edits of a missing map.
     ///
     /// # Errors
-    /// `Input`, which names the edit.
+    /// `Input`, naming the edit.
     pub fn check(&self, maps: &Maps) -> Result<()> {
         if let Some(curve) = &self.period {
             curve.clone().checked()?;
@@ -169,7 +169,8 @@ impl Edits {
     }
 }
 
-/// Periods from orientations: σ follows from the curve's slope; masked where there is no orientation, or no curve.
+/// Periods from orientations. σ follows from the curve's slope; pixels without orientation or outside of the curve are
+/// masked.
 fn of_curve(orientation: &Map, curve: &Curve) -> Map {
     let count = orientation.value.len();
     let mut map = Map {
@@ -191,7 +192,7 @@ fn of_curve(orientation: &Map, curve: &Curve) -> Map {
     map
 }
 
-/// Scales, shifts and clamps; what falls to 0 or below is masked.
+/// Scales, shifts and clamps periods; results of 0 or less are masked.
 fn rescale(map: &mut Map, edits: &Edits) {
     if edits.scale.is_none() && edits.offset_um.is_none() && edits.clamp_um.is_none() {
         return;

@@ -1,4 +1,4 @@
-//! The whole job: edited maps, both side by side, and a report in a new folder.
+//! The operation on map files: edited maps, a comparison picture and a report in a new folder.
 
 use super::asset::Maps;
 use super::edit::{Edits, edit};
@@ -13,27 +13,27 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What maps hold.
+/// Summary of maps.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct About {
     /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Each map, by its name.
+    /// Summary of each map, by name.
     pub maps: BTreeMap<&'static str, Held>,
 }
 
-/// What one map holds.
+/// Summary of one map.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Held {
-    /// Pixels that have a value.
+    /// Number of unmasked pixels.
     pub known_pixels: usize,
-    /// Least and most value; none where there is none.
+    /// Minimum and maximum value; `None` if all pixels are masked.
     pub range: Option<[f32; 2]>,
 }
 
-/// What was done.
+/// Report of an edit.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "MapReport")]
 pub struct Report {
@@ -41,18 +41,18 @@ pub struct Report {
     pub method: &'static str,
     /// The edits.
     pub edits: Edits,
-    /// Colours of angles in the picture.
+    /// Colour map of angles in the picture.
     pub palette: Palette,
-    /// Maps before.
+    /// Maps before the edit.
     pub before: About,
-    /// And after.
+    /// Maps after the edit.
     pub after: About,
-    /// What was in doubt.
+    /// Limitations of the result.
     pub warnings: Vec<String>,
 }
 
 impl About {
-    /// Of maps.
+    /// Summarises maps.
     pub fn of(maps: &Maps) -> Self {
         let held = maps.maps.iter().map(|(kind, map)| {
             let values = map.value.iter().filter(|v| v.is_finite());

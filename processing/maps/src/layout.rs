@@ -1,4 +1,4 @@
-//! Where the pixels of a new map come from: turned, repeated, cropped, resampled.
+//! Geometric transformations of maps: rotation, tiling, cropping and resampling.
 
 use super::asset::{Kind, MOST_PIXELS, Map, Maps};
 use nacre_base::{Error, Result};
@@ -7,31 +7,31 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// How a map fills an area larger than itself.
+/// Arrangement of copies in an area larger than the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Layout {
     /// Copies side by side.
     #[default]
     Repeat,
-    /// Every other copy mirrored, columns and rows: edges meet themselves.
+    /// Alternate copies mirrored along columns and rows, so that edges match.
     Mirror,
-    /// Every other row of copies shifted by half a copy.
+    /// Alternate rows of copies shifted by half a copy.
     Brick,
 }
 
-/// How close to a quarter turn is exactly one, in degrees.
+/// Tolerance in degrees within which a rotation counts as an exact multiple of 90°.
 const QUARTER: f64 = 1e-9;
 
-/// A source place (column, row), and whether what is there is mirrored in x and y.
+/// Source position (column, row), and whether the copy is mirrored in x and y.
 type Source = ([f64; 2], [bool; 2]);
 
 impl Maps {
-    /// Turned anticlockwise, image and orientations together. Quarters are exact; else the picture grows to hold all, its corners are
-    /// masked, and values in between are means of their neighbours.
+    /// Rotates image and orientations anticlockwise by `deg`. Multiples of 90° are exact. Otherwise the map grows to
+    /// hold the rotated image, its corners are masked, and values are interpolated.
     ///
     /// # Errors
-    /// `Input` for no angle.
+    /// `Input` for a non-finite angle.
     pub fn rotated(&self, deg: f64) -> Result<Self> {
         if !deg.is_finite() || deg.abs() > 1e6 {
             return Err(Error::input("rotation", format!("is {deg}"), "give an angle in degrees"));
@@ -54,17 +54,17 @@ impl Maps {
         let size = [w * cos.abs() + h * sin.abs(), w * sin.abs() + h * cos.abs()].map(|n| (n - 1e-6).ceil());
         let middle = size.map(|n| 0.5 * (n - 1.0));
         self.filled(size.map(|n| n as usize), deg, &|x, y| {
-            // Back by the angle; y up.
+            // Inverse rotation, with y pointing up.
             let (dx, dy) = (x - middle[0], middle[1] - y);
             let (ux, uy) = (cos * dx + sin * dy, cos * dy - sin * dx);
             ([0.5 * (w - 1.0) + ux, 0.5 * (h - 1.0) - uy], [false; 2])
         })
     }
 
-    /// Cropped to, or laid out over, another size in pixels, from the upper left.
+    /// Crops or tiles the map to another size in pixels, from the upper left.
     ///
     /// # Errors
-    /// `Input` for a size that is none or too large.
+    /// `Input` for an invalid or too large size.
     pub fn laid_out(&self, size: [usize; 2], layout: Layout) -> Result<Self> {
         let (w, h) = (self.width, self.height);
         self.filled(size, 0.0, &|x, y| {
@@ -79,15 +79,15 @@ impl Maps {
         })
     }
 
-    /// Moved right and down by whole pixels, into a frame of another size; masked where it does not reach.
+    /// Shifts right and down by whole pixels into a frame of another size; uncovered pixels are masked.
     ///
     /// # Errors
-    /// `Input` for a size that is none or too large.
+    /// `Input` for an invalid or too large size.
     pub fn moved(&self, [dx, dy]: [i64; 2], size: [usize; 2]) -> Result<Self> {
         self.filled(size, 0.0, &|x, y| ([x - dx as f64, y - dy as f64], [false; 2]))
     }
 
-    /// With `factor` times as many pixels along each side: finer, or coarser by the mean over each new pixel.
+    /// Resamples to `factor` times as many pixels along each axis; a coarser map averages over each new pixel.
     ///
     /// # Errors
     /// `Input` for a factor out of range.
@@ -96,9 +96,9 @@ impl Maps {
             return Err(Error::input("resolution", format!("changes by {factor}"), "give a factor of 0.001 to 1000"));
         }
         let size = [self.width, self.height].map(|n| ((n as f64 * factor).round() as usize).max(1));
-        // Exactly what the rounded sizes make of it.
+        // Exact ratio of the rounded sizes.
         let step = [self.width as f64 / size[0] as f64, self.height as f64 / size[1] as f64];
-        // As many samples of a new pixel as it covers old ones.
+        // One sample per covered source pixel.
         let many = step.map(|s| s.ceil().max(1.0) as usize);
         let mut new = self
             .sampled(size, 0.0, many, &|x, y| ([(x + 0.5) * step[0] - 0.5, (y + 0.5) * step[1] - 0.5], [false; 2]))?;
@@ -116,7 +116,7 @@ impl Maps {
         self.sampled(size, turn, [1, 1], source)
     }
 
-    /// A map of another size, each pixel the mean of `many` samples of its area.
+    /// Map of another size, each pixel the mean of `many` samples over its area.
     fn sampled(
         &self,
         size: [usize; 2],
@@ -143,7 +143,7 @@ impl Maps {
             let both: Vec<[f32; 2]> = (0..width * height).into_par_iter().map(|i| pixel(map, *kind, i)).collect();
             let mask = both.iter().map(|v| f32::from(u8::from(v[0].is_finite()))).collect();
             let plane = |c: usize| both.iter().map(|v| v[c]).collect();
-            // Other channels have no rule of their own for being moved.
+            // Other channels are dropped: no rule is known for transforming their values.
             let attributes = map.attributes.clone();
             (*kind, Map { value: plane(0), sigma: plane(1), mask, more: Default::default(), attributes })
         });
@@ -151,7 +151,7 @@ impl Maps {
     }
 }
 
-/// A weighted mean of values: of orientations, that of their lines.
+/// Weighted mean of values; orientations are averaged as doubled angles.
 #[derive(Default)]
 struct Mean {
     weight: f64,
@@ -163,7 +163,7 @@ struct Mean {
 }
 
 impl Mean {
-    /// Adds what a map holds between pixels.
+    /// Adds the interpolated value at a position.
     fn add(&mut self, maps: &Maps, map: &Map, kind: Kind, at: [f64; 2], mirrored: [bool; 2], turn: f64) {
         let [w, h] = [maps.width as i64, maps.height as i64];
         let (left, top) = (at[0].floor(), at[1].floor());
@@ -200,21 +200,21 @@ impl Mean {
         }
     }
 
-    /// Value and σ; NaN where less than half of the area is known.
+    /// Mean and σ; NaN if less than half of the area is known.
     fn value(&self, kind: Kind, samples: usize) -> [f32; 2] {
         if self.weight < 0.5 * samples as f64 {
             return [f32::NAN, f32::NAN];
         }
-        // What is only moved stays what it is, to the bit.
+        // A value that is only moved keeps its bits.
         if let (1, Some(one)) = (self.samples, self.single) {
             return one;
         }
-        // As if neighbours shared their noise, as they do once they were smoothed: σ does not shrink.
+        // Noise of neighbours counts as fully correlated, as after smoothing, so averaging does not reduce σ.
         let sigma = (self.sigma / self.weight) as f32;
         match kind {
             Kind::Period => [(self.x / self.weight) as f32, sigma],
             Kind::Orientation => {
-                // Lines in all directions have no mean.
+                // Isotropically distributed orientations have no mean.
                 if self.x.hypot(self.y) < 0.5 * self.weight {
                     return [f32::NAN, f32::NAN];
                 }
@@ -224,15 +224,15 @@ impl Mean {
     }
 }
 
-/// An orientation in [0, π), also as `f32`.
+/// Wraps an orientation to [0, π), also after rounding to `f32`.
 pub(super) fn wrapped(theta: f64) -> f32 {
     let v = theta.rem_euclid(PI) as f32;
     if v >= std::f32::consts::PI { 0.0 } else { v }
 }
 
-/// An orientation, mirrored and turned with the picture.
+/// Orientation after mirroring and rotating the image.
 fn moved(theta: f32, mirrored: [bool; 2], turn: f64) -> f32 {
-    // One mirror turns the sense of angles, two are half a turn.
+    // One reflection reverses the sense of angles; two are a rotation by half a turn.
     let flips = mirrored[0] != mirrored[1];
     if !flips && turn == 0.0 {
         return theta;

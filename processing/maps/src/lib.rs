@@ -1,8 +1,8 @@
-//! Maps of orientation and period as assets: edited, exchanged as pictures, compared.
+//! Maps of orientation and period as assets: editing, exchange as pictures, comparison.
 //!
-//! A folder holds `orientation.exr` (channels `orientation` in [0, π) rad, `sigma`, `mask`), `period.exr` (`period` in µm, `sigma`,
-//! `mask`), or both, of one size. Other channels and all attributes are carried along. What is masked is NaN, and stays masked whatever
-//! is done.
+//! A folder holds `orientation.exr` (channels `orientation` in [0, π) rad, `sigma`, `mask`), `period.exr` (`period` in
+//! µm, `sigma`, `mask`), or both, of equal size. All attributes are preserved; further channels are preserved unless an
+//! edit moves pixels. Masked values are NaN and remain masked through all edits.
 
 mod asset;
 mod compare;

@@ -1,8 +1,9 @@
-//! Maps as 16-bit PNGs with a short description, for programs that read no EXR.
+//! Maps as 16-bit PNGs with a JSON description, for programs without EXR support.
 //!
-//! A PNG sample has 16 bits and a value 32, so `exact` writes two pictures per channel: the upper and the lower half of its bits, put in
-//! order so that the upper picture alone shows the map and larger values are brighter. Every value comes back to the bit, NaN included.
-//! `linear` writes one picture whose step is said; what comes back is off by half of it at most.
+//! A PNG sample has 16 bits and a value 32. `exact` therefore writes two pictures per channel: the upper and the lower
+//! half of a value's bits, in an order-preserving encoding. The upper picture alone shows the map, with larger values
+//! brighter. Every value is restored to the bit, including NaN. `linear` writes one picture with a stated step;
+//! restored values differ by at most half a step.
 
 use super::asset::{Kind, MOST_PIXELS, Map, Maps};
 use nacre_base::text::{from_json, read_text};
@@ -12,17 +13,17 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Component, Path};
 
-/// Name of the description.
+/// File name of the description.
 pub const PACK: &str = "maps.json";
 
-/// Largest description that is read, and most channels.
+/// Maximum size of the description in bytes, and maximum number of channels.
 const MAX_BYTES: u64 = 1 << 20;
 const MOST_CHANNELS: usize = 32;
 
-/// Sample of what is unknown in a `linear` picture.
+/// Sample value of unknown pixels in a `linear` picture.
 const UNKNOWN: u16 = 65_535;
 
-/// How values become samples.
+/// Encoding of values as 16-bit samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoding {
     /// Two pictures per channel, nothing lost.
@@ -40,7 +41,7 @@ struct Pack {
     nacre_maps: u32,
     width: usize,
     height: usize,
-    /// What the encodings mean, for people.
+    /// Explanation of the encodings, for human readers.
     #[serde(default)]
     about: BTreeMap<String, String>,
     maps: BTreeMap<String, PackedMap>,
@@ -73,13 +74,13 @@ fn about() -> BTreeMap<String, String> {
     .into()
 }
 
-/// Bits in the order of the values: larger values have larger bits.
+/// Order-preserving bits: larger values have larger bits.
 fn ordered(value: f32) -> u32 {
     let bits = value.to_bits();
     if bits >> 31 == 1 { !bits } else { bits ^ 0x8000_0000 }
 }
 
-/// The value that [`ordered`] was given.
+/// Inverse of [`ordered`].
 fn value(ordered: u32) -> f32 {
     f32::from_bits(if ordered >> 31 == 1 { ordered ^ 0x8000_0000 } else { !ordered })
 }
@@ -87,7 +88,8 @@ fn value(ordered: u32) -> f32 {
 /// Writes maps as PNGs with `maps.json` into a folder.
 ///
 /// # Errors
-/// `Output` when the system refuses; `Input` for names of channels that are no file names, and infinite values with `linear`.
+/// `Output` if writing fails. `Input` for channel names that are no valid file names, and for infinite values with
+/// `linear`.
 pub fn export(maps: &Maps, encoding: Encoding, folder: &OutputFolder) -> Result<()> {
     let mut packed = BTreeMap::new();
     for (kind, map) in &maps.maps {
@@ -122,7 +124,7 @@ pub fn export(maps: &Maps, encoding: Encoding, folder: &OutputFolder) -> Result<
     folder.write_json(PACK, &pack)
 }
 
-/// Zero, step and samples of a plane.
+/// Zero point, step and samples of a plane.
 fn linear(plane: &[f32], name: &str) -> Result<(f64, f64, Vec<u16>)> {
     if plane.iter().any(|v| v.is_infinite()) {
         return Err(Error::input(name, "has infinite values", "export it with --encoding exact"));
@@ -135,15 +137,15 @@ fn linear(plane: &[f32], name: &str) -> Result<(f64, f64, Vec<u16>)> {
     Ok((zero, step, plane.iter().map(sample).collect()))
 }
 
-/// Letters, digits, - and _ only.
+/// True if a name consists of letters, digits, - and _ only.
 fn plain(name: &str) -> bool {
     !name.is_empty() && name.len() < 64 && name.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c))
 }
 
-/// Reads a folder that [`export`] wrote, or one like it.
+/// Reads a folder written by [`export`], or one of the same format.
 ///
 /// # Errors
-/// `Input`, naming the file and what is wrong with it.
+/// `Input`, naming the file and the problem.
 pub fn import(input: &Path) -> Result<Maps> {
     let path = if input.is_dir() { input.join(PACK) } else { input.to_path_buf() };
     let remedy = format!("give a folder with a {PACK} as `nacre map export` writes it");
@@ -189,7 +191,7 @@ pub fn import(input: &Path) -> Result<Maps> {
     Ok(Maps { width: pack.width, height: pack.height, maps })
 }
 
-/// Samples of a 16-bit grey picture beside the description.
+/// Reads a 16-bit grey picture beside the description.
 fn picture(folder: &Path, file: &str, size: [usize; 2], bad: &dyn Fn(String) -> Error) -> Result<Vec<u16>> {
     let mut parts = Path::new(file).components();
     if !matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) {

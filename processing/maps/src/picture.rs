@@ -1,4 +1,4 @@
-//! Maps side by side, for people.
+//! Pictures of maps side by side.
 
 use super::asset::{Kind, Map, Maps};
 use super::compare::pixel_um;
@@ -7,13 +7,13 @@ use nacre_image::{Canvas, Palette, orientation_picture, scalar_picture};
 /// Longest side of a map in a picture, in pixels.
 const LONGEST: usize = 900;
 
-/// One row per kind of map: before on the left, after on the right, in the same colours and, for periods, on the same scale.
+/// One row per kind of map: before on the left, after on the right, with a common colour scale.
 pub fn before_and_after(before: &Maps, after: &Maps, palette: Palette, scale_bar: bool) -> Canvas {
     side_by_side(&[("before", before), ("after", after)], palette, scale_bar)
 }
 
-/// One row per kind of map, one column per set of maps, in the same colours and, for periods, on the same scale. Maps that have `pixel_um` get a
-/// scale bar where one is asked for.
+/// One row per kind of map, one column per set of maps, with a common colour scale. Maps with `pixel_um` get a scale
+/// bar on request.
 pub fn side_by_side(all: &[(&str, &Maps)], palette: Palette, scale_bar: bool) -> Canvas {
     let mut rows: Vec<Vec<Canvas>> = vec![];
     for kind in Kind::ALL {
@@ -42,7 +42,7 @@ pub fn side_by_side(all: &[(&str, &Maps)], palette: Palette, scale_bar: bool) ->
     canvas
 }
 
-/// Least and most value of maps.
+/// Minimum and maximum value of maps.
 fn range<'a>(maps: impl Iterator<Item = &'a Map>) -> [f32; 2] {
     let values = maps.flat_map(|m| m.value.iter().copied()).filter(|v| v.is_finite());
     let [low, high] = values.fold([f32::MAX, f32::MIN], |[a, b], v| [a.min(v), b.max(v)]);
@@ -58,7 +58,7 @@ fn one(
     palette: Palette,
     pixel_um: Option<f64>,
 ) -> Canvas {
-    // Every so manieth pixel of a large map.
+    // Large maps are subsampled.
     let step = maps.width.max(maps.height).div_ceil(LONGEST);
     let shown = [maps.width.div_ceil(step), maps.height.div_ceil(step)];
     let value = |x: usize, y: usize| Some(map.value[y * step * maps.width + x * step]);

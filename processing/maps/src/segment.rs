@@ -1,50 +1,53 @@
-//! Which part of a sample diffracts, from a photograph under a flash (2017 TOG paper, section 6.1, Fig. 20): what is brighter than a threshold.
+//! Segmentation of the diffracting part of a sample by brightness in a photograph under a flash (2017 TOG paper,
+//! section 6.1, Fig. 20).
 
 use nacre_base::{Error, Result};
 use nacre_image::{Gray, Raster, Samples, read};
 use serde::Serialize;
 use std::path::Path;
 
-/// Levels that brightness is sorted into.
+/// Number of histogram bins of brightness.
 const LEVELS: usize = 512;
 
-/// Brightness has two groups where they hold this part of its variance at least: of one even group three quarters are explained by any split in the
-/// middle, of one bell two thirds.
+/// Fraction of the variance between both groups above which brightness counts as bimodal. A split at the middle
+/// explains three quarters of a uniform distribution's variance, and two thirds of a normal distribution's.
 const APART: f64 = 0.8;
 
-/// A photograph divided into the bright part, which diffracts, and the rest.
+/// A photograph segmented into the bright, diffracting part and the rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segmented {
     /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Whether a pixel is brighter, row 0 on top.
+    /// True for pixels above the threshold, top row first.
     pub inside: Vec<bool>,
-    /// How it was found.
+    /// Report of the segmentation.
     pub report: SegmentReport,
 }
 
-/// How a photograph was divided.
+/// Report of a segmentation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SegmentReport {
-    /// Brightness from which a pixel belongs to the mask: a share of the largest code, or the value of an EXR.
+    /// Brightness threshold: fraction of the largest code, or the value of an EXR.
     pub threshold: f64,
-    /// Whether the photograph chose it.
+    /// True if the threshold was chosen automatically.
     pub automatic: bool,
-    /// Part of the photograph that is brighter.
+    /// Fraction of the photograph above the threshold.
     pub share: f64,
-    /// Part of the variance of brightness that is between both groups, 0 to 1.
+    /// Fraction of the variance of brightness between both groups, 0 to 1.
     pub separation: f64,
-    /// Warnings.
+    /// Limitations of the result.
     pub warnings: Vec<String>,
 }
 
-/// Divides a photograph (mean of its channels) at a threshold, or where both groups differ most (Otsu 1979). Codes of 8 and 16 bits count as shares of
-/// the largest; values of an EXR are divided by their square roots, as codes would be.
+/// Segments a photograph (mean of its channels) at a given threshold, or at the one that maximises the variance between
+/// both groups (Otsu 1979). Integer codes count as fractions of the largest. Values of an EXR are represented by their
+/// square roots, which resemble codes.
 ///
 /// # Errors
-/// `Input` for a file that is no photograph, for a photograph with the same brightness everywhere, and for a threshold above or below all pixels.
+/// `Input` for a file that is no photograph, for uniform brightness, and for a threshold outside of the range of
+/// brightness.
 pub fn segment(photograph: &Path, threshold: Option<f64>) -> Result<Segmented> {
     let raster = read(photograph)?;
     let float = matches!(raster.samples, Samples::F32(_));
@@ -78,7 +81,7 @@ pub fn segment(photograph: &Path, threshold: Option<f64>) -> Result<Segmented> {
     Ok(Segmented { width: gray.width, height: gray.height, inside, report })
 }
 
-/// Mean of the channels; codes as shares of the largest.
+/// Mean of the channels; integer codes as fractions of the largest.
 fn brightness(raster: &Raster) -> Gray {
     let mut gray = Gray::of(raster);
     if !matches!(raster.samples, Samples::F32(_)) {
@@ -88,7 +91,7 @@ fn brightness(raster: &Raster) -> Gray {
     gray
 }
 
-/// Threshold between two groups whose means differ most, weighted by how large they are; none where all is alike.
+/// Otsu's threshold, which maximises the variance between both groups; `None` for uniform values.
 fn otsu(values: &[f64]) -> Option<f64> {
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
     if high <= low {
@@ -107,7 +110,7 @@ fn otsu(values: &[f64]) -> Option<f64> {
         let above = (count - below.0, sum - below.1);
         if below.0 > 0.0 && above.0 > 0.0 {
             let between = below.0 * above.0 * (above.1 / above.0 - below.1 / below.0).powi(2);
-            // In the middle of a gap without values.
+            // Centre of the empty bins between both groups.
             if between > best.0 * (1.0 + 1e-12) {
                 let next = levels[k + 1..].iter().position(|l| l.0 > 0.0).unwrap_or(0) as f64;
                 best = (between, low + (k as f64 + 1.0 + 0.5 * next) * step);
@@ -117,7 +120,7 @@ fn otsu(values: &[f64]) -> Option<f64> {
     Some(best.1)
 }
 
-/// Part of the variance that is between values below and above a threshold.
+/// Fraction of the variance between the groups below and above a threshold.
 fn separation(values: &[f64], threshold: f64) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -140,7 +143,7 @@ mod tests {
     use super::*;
     use nacre_image::{write_exr, write_png16_gray};
 
-    /// Bright stripes of a third of the width, dim ground, noise on both.
+    /// Bright stripes that cover a third of the width, on a dark ground, with noise.
     fn stripes(x: usize, y: usize) -> f64 {
         let noise = ((x * 7919 + y * 104_729) % 1000) as f64 / 1000.0 - 0.5;
         if x % 30 < 10 { 0.7 + 0.2 * noise } else { 0.1 + 0.1 * noise }
@@ -162,7 +165,7 @@ mod tests {
             assert!(found.report.separation > 0.9 && found.report.warnings.is_empty() && found.report.automatic);
             assert!((found.report.share - 1.0 / 3.0).abs() < 1e-9);
         }
-        // A threshold that is said; one that leaves nothing is refused.
+        // A given threshold is used; one without pixels above it is rejected.
         let few = segment(&png, Some(0.75)).unwrap();
         assert!(few.report.share < 0.2 && !few.report.automatic && (few.report.threshold - 0.75).abs() < 1e-9);
         assert!(segment(&png, Some(2.0)).unwrap_err().to_string().contains("no pixel"));

@@ -3,7 +3,7 @@ use nacre_image::OutputFolder;
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
-/// Orientations that turn around the middle as on a disc, periods that rise to the right; a corner is masked.
+/// Orientations that rotate about the centre as on a disc, periods that increase to the right; one corner is masked.
 fn maps(width: usize, height: usize) -> Maps {
     let place =
         |i: usize| [(i % width) as f32 - 0.5 * (width as f32 - 1.0), 0.5 * (height as f32 - 1.0) - (i / width) as f32];
@@ -23,7 +23,7 @@ fn maps(width: usize, height: usize) -> Maps {
     Maps { width, height, maps: maps.into() }
 }
 
-/// Equal to the bit, NaN and all.
+/// True if all values are equal to the bit, including NaN.
 fn same(a: &Maps, b: &Maps) -> bool {
     let bits = |plane: &[f32]| plane.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     let map = |m: &Map, k: Kind| m.planes(k).into_iter().map(|(n, p)| (n.to_owned(), bits(p))).collect::<Vec<_>>();
@@ -51,7 +51,7 @@ fn apart(a: f32, b: f32) -> f32 {
 #[test]
 fn maps_come_back_from_exr_and_from_a_pack_to_the_bit() {
     let mut all = maps(23, 17);
-    // A NaN with a message, infinities, a zero with a sign, the smallest number.
+    // A NaN with payload, infinities, negative zero, and the smallest number.
     let odd = [f32::from_bits(0x7fc1_2345), f32::from_bits(0xffc0_0001), f32::INFINITY, f32::NEG_INFINITY, -0.0, 1e-45];
     all.maps.get_mut(&Kind::Period).unwrap().more.get_mut("extra").unwrap()[..6].copy_from_slice(&odd);
     let home = written(&all, |folder| all.write(folder).unwrap());
@@ -59,7 +59,7 @@ fn maps_come_back_from_exr_and_from_a_pack_to_the_bit() {
     let home = written(&all, |folder| export(&all, Encoding::Exact, folder).unwrap());
     let back = import(&home.path().join("out")).unwrap();
     assert!(same(&back, &all));
-    // An edit does the same before and after the journey.
+    // An edit commutes with export and import.
     let edits = Edits { rotate_deg: Some(33.0), scale: Some(1.1), ..Edits::default() };
     assert!(same(&edit(&back, &edits).unwrap(), &edit(&all, &edits).unwrap()));
 }
@@ -111,7 +111,7 @@ fn packs_from_elsewhere_are_checked() {
 
 #[test]
 fn image_and_orientations_turn_together() {
-    // The disc's field is the same from all sides: turned, it is itself but for the masked corner and the edges.
+    // The disc's orientation field is rotationally symmetric, except for the masked corner and the edges.
     for deg in [90.0, 180.0, 270.0, -90.0, 30.0, 77.0] {
         let all = maps(41, 41);
         let turned = all.rotated(deg).unwrap();
@@ -120,7 +120,7 @@ fn image_and_orientations_turn_together() {
         let mut checked = 0;
         for i in (0..w * h).filter(|i| map.mask[*i] > 0.0) {
             let (x, y) = ((i % w) as f32 - 0.5 * (w as f32 - 1.0), 0.5 * (h as f32 - 1.0) - (i / w) as f32);
-            // Near the middle the field turns too fast to be interpolated.
+            // Near the centre, the orientation changes too fast for interpolation.
             if x.hypot(y) > 6.0 {
                 assert!(apart(map.value[i], y.atan2(x)) < 0.02, "{deg} {x} {y} {}", map.value[i]);
                 checked += 1;
@@ -128,7 +128,7 @@ fn image_and_orientations_turn_together() {
         }
         assert!(checked > 1300, "{deg} {checked}");
     }
-    // Four quarters bring every value back.
+    // Four rotations by 90° restore every value.
     let all = maps(9, 14);
     let mut turned = all.clone();
     for _ in 0..4 {
@@ -139,7 +139,7 @@ fn image_and_orientations_turn_together() {
             assert!(a.is_nan() && b.is_nan() || apart(*a, *b) < 1e-6, "{a} {b}");
         }
     }
-    // A quarter anticlockwise brings the right column to the top.
+    // A rotation by 90° anticlockwise moves the right column to the top.
     let quarter = all.rotated(90.0).unwrap();
     assert_eq!([quarter.width, quarter.height], [14, 9]);
     assert_eq!(quarter.maps[&Kind::Period].value[3], all.maps[&Kind::Period].value[3 * 9 + 8]);
@@ -156,7 +156,7 @@ fn copies_lie_as_the_layout_says() {
     let mirror = edit(&all, &Edits { tile: Some([2, 2]), layout: Layout::Mirror, ..Edits::default() }).unwrap();
     assert_eq!(at(&mirror, Kind::Period, 6 + 1, 3), at(&all, Kind::Period, 4, 3));
     assert!(apart(at(&mirror, Kind::Orientation, 6 + 1, 3), -at(&all, Kind::Orientation, 4, 3)) < 1e-6);
-    // Mirrored twice is half a turn, which an orientation does not notice.
+    // Mirroring twice is a rotation by 180°, which leaves orientations unchanged.
     assert!(apart(at(&mirror, Kind::Orientation, 6 + 1, 4 + 1), at(&all, Kind::Orientation, 4, 2)) < 1e-6);
     let brick = edit(&all, &Edits { size: Some([6, 8]), layout: Layout::Brick, ..Edits::default() }).unwrap();
     assert_eq!(at(&brick, Kind::Period, 2, 4 + 2), at(&all, Kind::Period, 5, 2));
@@ -173,13 +173,13 @@ fn resampling_keeps_what_the_map_says() {
     let period = &coarse.maps[&Kind::Period];
     // The mean of columns 20 and 21.
     assert!((period.value[15 * 30 + 10] - (0.8 + 0.205)).abs() < 1e-6);
-    // Averaging is not taken for a gain in certainty.
+    // Averaging must not reduce σ.
     assert!(period.sigma[15 * 30 + 10] >= 0.002);
     let fine = edit(&all, &Edits { resample: Some(3.0), ..Edits::default() }).unwrap();
     let (w, map) = (fine.width, &fine.maps[&Kind::Orientation]);
     let (x, y) = (150.0 - 89.5, 89.5 - 40.0);
     assert!(apart(map.value[40 * w + 150], f32::atan2(y, x)) < 1e-3);
-    // Across the seam from 179° to 1° the mean is 0°, not 90°.
+    // Across the wrap from 179° to 1°, the mean is 0°, not 90°.
     let seam: Vec<f32> = (0..16).map(|i| if i % 2 == 0 { 0.02 } else { PI - 0.02 }).collect();
     let map = Map {
         value: seam,
@@ -241,7 +241,7 @@ fn periods_are_scaled_shifted_and_clamped_in_that_order() {
     assert!((row[10] - 0.1).abs() < 1e-6 && row[0] == 0.05 && row[49] == 0.6, "{row:?}");
     let sigma = [&new, &all].map(|m| m.maps[&Kind::Period].sigma[4 * 50 + 10]);
     assert!((sigma[0] - 2.0 * sigma[1]).abs() < 1e-9);
-    // Without a clamp there is no period below 0.
+    // Without a clamp, periods of 0 or less are masked.
     let new = edit(&all, &Edits { offset_um: Some(-1.0), ..Edits::default() }).unwrap();
     let map = &new.maps[&Kind::Period];
     assert!(map.value[4 * 50 + 10].is_nan() && map.mask[4 * 50 + 10] == 0.0 && map.mask[4 * 50 + 49] == 1.0);
@@ -273,7 +273,7 @@ fn edits_that_make_no_sense_are_refused() {
 
 #[test]
 fn maps_of_one_sample_are_laid_over_each_other() {
-    // 0.9 σ of noise that has no pattern, and an analyser that stands 3° off.
+    // Uniform noise of 0.9 σ, and an analyser offset of 3°.
     let mut truth = maps(61, 47);
     truth.maps.get_mut(&Kind::Period).unwrap().sigma.fill(0.002);
     let noise = |i: usize| (((i * 7919) % 1009) as f32 / 1009.0 - 0.5) * 12_f32.sqrt();
@@ -292,17 +292,18 @@ fn maps_of_one_sample_are_laid_over_each_other() {
     assert!((turned.offset - 3.0).abs() < 1e-4 && turned.scatter < 1e-4, "{turned:?}");
     let period = part.period.as_ref().unwrap();
     assert!(period.offset.abs() < 1e-3 && period.pixels > 1300, "{period:?}");
-    // The truth's own σ is as large again, √2 together; half of what is even lies within 0.866 of its σ, not 0.6745.
+    // The truth has an equal σ, so the combined σ is √2 larger; half of a uniform distribution lies within 0.866 of its
+    // standard deviation, not 0.6745.
     assert!((period.sigmas.unwrap() - 0.866 / 0.6745 / 2.0_f64.sqrt()).abs() < 0.05, "{period:?}");
     assert_eq!(period.beyond, Some(0.0));
     assert_eq!([found.maps[1].1.width, found.maps[1].1.height], [61, 47]);
-    // Larger than what the first transform looks at, with pixels half as large: the way back is found to the pixel.
+    // Larger than the map used for coarse registration, with half the pixel size: the shift is found to the pixel.
     let large = maps(1300, 900);
     let fine = large.moved([-301, -222], [700, 500]).unwrap().resampled(2.0).unwrap();
     let found = compare(vec![("a".into(), large), ("b".into(), fine)], true).unwrap();
     assert_eq!(found.compared[1].shift_px, [301, 222]);
     assert!(found.compared[1].orientation.as_ref().unwrap().scatter < 0.05);
-    // Where nothing is aligned nothing is moved, and nothing in common is said.
+    // Without alignment, maps are not moved, and missing overlap is reported.
     assert_eq!(
         compare(vec![("a".into(), truth.clone()), ("b".into(), moved)], false).unwrap().compared[1].shift_px,
         [0, 0]

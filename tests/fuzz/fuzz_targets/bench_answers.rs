@@ -1,4 +1,4 @@
-//! Answers of a bench in another process, as its client takes them. The first byte chooses the request.
+//! Responses of a bench in another process, as received by its client. The first byte selects the request.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -19,7 +19,7 @@ fuzz_target!(|bytes: &[u8]| {
         _ => Request::Now,
     };
     let (mut bench, client) = UnixStream::pair().expect("a pair of sockets");
-    // Less than the socket holds.
+    // Below the capacity of the socket's buffer.
     bench.write_all(&bytes[..bytes.len().min(65_536)]).expect("room for the answers");
     bench.shutdown(Shutdown::Write).expect("an open socket");
     let mut client = RemoteBench::over(client, Path::new("bench"));

@@ -1,4 +1,4 @@
-//! Requests to the virtual bench, as its socket takes them: one JSON text a line.
+//! Requests to the virtual bench, as received by its socket: one JSON text per line.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Configurations of the service and of the virtual bench, and geometries: the first byte chooses.
+//! Configurations of the service and of the virtual bench, and geometries; the first byte selects one.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

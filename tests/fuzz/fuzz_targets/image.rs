@@ -1,4 +1,4 @@
-//! Photographs of any format, told apart by their content.
+//! Photographs of any format, detected by content.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! OpenEXR files, as photographs and as every map that the program writes into them.
+//! OpenEXR files, as photographs and as each map format of the program.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

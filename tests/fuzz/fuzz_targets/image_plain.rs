@@ -1,4 +1,4 @@
-//! Formats with parsers of our own: the first byte chooses one, so that mutations keep to it.
+//! Formats with parsers in this project; the first byte selects one, so that mutations do not change the format.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

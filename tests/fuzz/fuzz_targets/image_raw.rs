@@ -1,4 +1,4 @@
-//! Camera raw files, decoded in this process: the first byte chooses the format.
+//! Camera raw files, decoded in this process; the first byte selects the format.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

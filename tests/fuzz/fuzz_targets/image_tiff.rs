@@ -1,4 +1,4 @@
-//! TIFF files of both byte orders, as photographs and as height fields; the first byte chooses the order.
+//! TIFF files of both byte orders, as photographs and as height fields; the first byte selects the order.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

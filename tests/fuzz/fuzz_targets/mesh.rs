@@ -1,4 +1,4 @@
-//! OBJ, PLY and glTF files, as shapes of a scene: the first byte chooses the ending.
+//! OBJ, PLY and glTF files, as shapes of a scene; the first byte selects the extension.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Capture plans, their steps and estimates: TOML, or JSON where the first byte is a brace.
+//! Capture plans, their steps and estimates: TOML, or JSON if the first byte is a brace.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

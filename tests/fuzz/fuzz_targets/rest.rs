@@ -14,7 +14,7 @@ use tower::ServiceExt;
 
 const BENCH: &str = "camera = { width = 8, height = 6 }";
 
-/// Streams of events, which never end.
+/// Endless event streams.
 const ENDLESS: [&str; 2] = ["/events", "/display/link"];
 
 fn open() -> (Runtime, Router) {
@@ -57,7 +57,7 @@ fuzz_target!(|bytes: &[u8]| {
         });
     };
     send(method, path, body);
-    // A session would go on, and fill the memory.
+    // A session would continue and fill the memory.
     if method == "POST" && path.contains("/sessions") {
         send("POST", "/api/v1/stop", b"");
     }

@@ -1,4 +1,5 @@
-//! Scenes with their materials, lights and shapes, rendered small. The folder holds a mesh, a height field and an environment.
+//! Scenes with materials, lights and shapes, rendered at small size. The folder holds a mesh, a height field and an
+//! environment.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -13,7 +14,7 @@ fuzz_target!(|text: &str| {
     nacre_fuzz::file("scene.toml", text.as_bytes());
     let _ = check_folder(nacre_fuzz::folder(), &Options::default());
     let Ok(mut scene) = Scene::parse(text) else { return };
-    // Larger pictures take longer, and run no other code.
+    // Larger pictures take longer without executing other code.
     (scene.camera.width, scene.camera.height) = (scene.camera.width.min(6), scene.camera.height.min(4));
     let _ = Prepared::new(&scene, nacre_fuzz::folder(), 0.05, 64, &Silent);
     let settings = Settings { samples: 1, max_error: 0.5, ..Settings::default() };

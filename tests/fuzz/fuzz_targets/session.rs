@@ -1,5 +1,5 @@
-//! Session folders: `session.json`, `journal` and `frames.json`, separated by a line of `=`. Lines of the journal have their checksums put right, which
-//! chance would not find.
+//! Session folders: `session.json`, `journal` and `frames.json`, separated by a line of `=`. Checksums of the journal's
+//! lines are recomputed, because random inputs would not match them.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -27,7 +27,7 @@ fuzz_target!(|text: &str| {
     let _ = nacre_frames::load(nacre_fuzz::folder());
 });
 
-/// The journal of the entries that its lines hold.
+/// A journal with the entries of these lines.
 fn entries(journal: &str) -> String {
     let mut whole = Journal::default();
     let entry = |line: &str| {

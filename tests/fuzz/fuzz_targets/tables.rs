@@ -1,4 +1,5 @@
-//! Small text files: spectra, curves, responses, calibrations, packs of maps, sets of terms. The first byte chooses.
+//! Small text files: spectra, curves, responses, calibrations, packs of maps, sets of terms. The first byte selects
+//! one.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! What the fuzz targets of the program share.
+//! Common code of the program's fuzz targets.
 #![cfg(feature = "program")]
 
 use nacre_base::guard::guarded;
@@ -8,10 +8,10 @@ use std::panic::{set_hook, take_hook};
 use std::path::{Path, PathBuf};
 use std::sync::{Once, OnceLock};
 
-/// The folder of this process for its inputs, made at the first call. `run` keeps it in memory, and removes it.
+/// Folder of this process for its inputs, created at the first call. `run` keeps it in memory, and removes it.
 ///
-/// From that call on a panic in code of this project ends the process, where the program would catch it: third-party decoders may panic in a
-/// guard, our code may not.
+/// From that call on, a panic in code of this project ends the process, although the program would catch it:
+/// third-party decoders may panic in a guard, but our code may not.
 pub fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
@@ -29,7 +29,7 @@ pub fn file(name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// Puts the photographs of a short session into [`folder`], once.
+/// Writes the photographs of a short session into [`folder`], once.
 pub fn photographs() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -42,7 +42,7 @@ pub fn photographs() {
 }
 
 fn report_own_panics() {
-    // Its hook is set at the first call, and would hide ours.
+    // Its panic hook is installed at the first call, and would hide ours.
     let _ = guarded(|| ());
     let others = take_hook();
     set_hook(Box::new(move |panic| {
@@ -54,7 +54,7 @@ fn report_own_panics() {
     }));
 }
 
-/// All that the program asks of a photograph.
+/// All program functions applied to a photograph.
 pub fn photograph(path: &Path) {
     let (stated, header) = (size(path), info(path));
     if let (Ok(stated), Ok(header)) = (&stated, &header) {

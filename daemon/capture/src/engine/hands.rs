@@ -1,4 +1,4 @@
-//! The engine's hands: one command to one device at a time, and what came back is compared with what was asked.
+//! Device commands of the engine: one command to one device at a time, with each response checked against the request.
 
 use crate::plan::{Limits, approach};
 use nacre_drivers::{
@@ -6,43 +6,44 @@ use nacre_drivers::{
 };
 use std::time::{Duration, Instant};
 
-/// A camera this many frames behind is broken, apart from those that come while light and stage settle.
+/// Number of stale frames above which a camera counts as broken, not counting frames during settling times of light and
+/// stage.
 const MAX_STALE: u32 = 200;
 
-/// No camera is faster.
+/// Lower bound of a frame's duration in s; no camera is faster.
 const SHORTEST_FRAME_S: f64 = 1e-3;
 
-/// An exposure or gain that the camera sets this far from what was asked (relative) is not what was asked.
+/// Relative tolerance between requested and actual exposure or gain.
 const CONTROL_TOLERANCE: f64 = 0.05;
 
-/// Devices report times in order, but for this.
+/// Tolerance for non-monotonic times reported by devices.
 const CLOCK_TOLERANCE: Duration = Duration::from_secs(1);
 
-/// The devices of a bench.
+/// Devices of a bench.
 pub struct Devices {
-    /// Turns the analyser.
+    /// Stage that rotates the analyser.
     pub stage: Box<dyn Stage>,
-    /// Takes the frames.
+    /// Camera.
     pub camera: Box<dyn Camera>,
-    /// Lights the sample.
+    /// Panel that lights the sample.
     pub display: Box<dyn Display>,
-    /// Lights it too, if there is one.
+    /// Flash, if any.
     pub flash: Option<Box<dyn Flash>>,
 }
 
-/// Commands with their checks, and what they led to.
+/// Checked device commands, with the resulting state.
 pub struct Hands<'a> {
     devices: &'a mut Devices,
     limits: Limits,
-    /// What is known of the devices.
+    /// Known state of the devices.
     pub memory: Memory,
-    /// Time that the devices took.
+    /// Time spent on device commands.
     pub stopwatch: Stopwatch,
-    /// Analyser angle of a session whose plan does not turn the analyser, once it is known.
+    /// Analyser angle in degrees, once known, of a session whose plan does not rotate the analyser.
     pub stood: Option<f64>,
 }
 
-/// What is known of the devices, from one piece of work to the next.
+/// State of the devices, kept between tasks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
     angle: f64,
@@ -51,11 +52,11 @@ pub struct Memory {
     freshness: Freshness,
     flash_since: Option<Duration>,
     last_frame: Option<Stamp>,
-    /// What each device last said that it is steady since.
+    /// Time since which each device last reported to be steady.
     reported: [Duration; 4],
 }
 
-/// Whose time it is. Each device settles for another time.
+/// Source of a time; each device has a different settling time.
 #[derive(Clone, Copy)]
 enum Whose {
     Stage,
@@ -64,13 +65,13 @@ enum Whose {
     Flash,
 }
 
-/// Time at work: on the devices' own clock, and on the clock on the wall while waiting for them.
+/// Working time, on the devices' clock and on the wall clock.
 #[derive(Default)]
 pub struct Stopwatch {
-    /// First and last time that devices reported since the last pause.
+    /// First and last time reported by devices since the last pause.
     span: Option<(Duration, Duration)>,
     before: Duration,
-    /// On the wall, waiting for devices.
+    /// Time on the wall clock spent waiting for devices.
     pub waited: Duration,
 }
 
@@ -80,14 +81,14 @@ impl Stopwatch {
         self.before + self.span.map_or(Duration::ZERO, |(first, last)| last - first)
     }
 
-    /// What follows is not counted until the next report.
+    /// Excludes the time until the next report.
     pub fn pause(&mut self) {
         (self.before, self.span) = (self.device_time(), None);
     }
 }
 
 impl Devices {
-    /// What they can do.
+    /// Limits of the devices.
     pub fn limits(&self) -> Limits {
         Limits {
             stage: self.stage.describe(),
@@ -99,29 +100,29 @@ impl Devices {
 }
 
 impl<'a> Hands<'a> {
-    /// Takes the devices in hand; nothing is known of them.
+    /// Takes control of devices in unknown state.
     pub fn new(devices: &'a mut Devices) -> Self {
         Self::with(devices, Memory::default())
     }
 
-    /// Takes the devices in hand again.
+    /// Takes control of devices in a known state.
     pub fn with(devices: &'a mut Devices, memory: Memory) -> Self {
         let limits = devices.limits();
         Self { devices, limits, memory, stopwatch: Stopwatch::default(), stood: None }
     }
 
-    /// What the devices can do.
+    /// Limits of the devices.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// Brings the devices into a known state: light off and, if the analyser is to turn, the stage homed. Nothing that
-    /// was set before is relied upon.
+    /// Brings the devices into a known state: light off, and stage homed if `turn` is set. Earlier settings are not
+    /// relied upon.
     ///
     /// # Errors
-    /// As the devices answer.
+    /// Those of the devices.
     pub async fn prepare(&mut self, turn: bool) -> DeviceResult<()> {
-        // A flash that was on is still to be timed.
+        // The on-time of a lit flash must still be limited.
         self.memory = Memory { flash_since: self.memory.flash_since, ..Memory::default() };
         self.dark().await?;
         if turn { self.home().await } else { Ok(()) }
@@ -130,17 +131,17 @@ impl<'a> Hands<'a> {
     /// Homes the stage.
     ///
     /// # Errors
-    /// As the stage answers.
+    /// Those of the stage.
     pub async fn home(&mut self) -> DeviceResult<()> {
         let arrived = timed(&mut self.stopwatch, self.devices.stage.home()).await?;
         self.memory.angle = 0.0;
         self.steady(Whose::Stage, arrived.since, "home")
     }
 
-    /// Switches all light off. Every lamp is tried, whatever the others say.
+    /// Switches all light off. Every lamp is tried, even after failures of others.
     ///
     /// # Errors
-    /// The first lamp's that does not confirm.
+    /// That of the first lamp that does not confirm.
     pub async fn dark(&mut self) -> DeviceResult<()> {
         let flash = match self.devices.flash {
             Some(_) => self.switch(false).await,
@@ -151,19 +152,19 @@ impl<'a> Hands<'a> {
         flash.and(panel)
     }
 
-    /// That the light is still as it was asked for, at the end of what it was asked for.
+    /// Checks that the light is still as requested, at the end of an exposure.
     ///
     /// # Errors
-    /// `Stop` when the flash went off by itself; as the panel answers.
+    /// `Stop` if the flash went off by itself; those of the panel.
     pub(crate) async fn still_lit(&mut self, flash: bool) -> DeviceResult<()> {
         timed(&mut self.stopwatch, self.devices.display.still_shows()).await?;
         if flash { self.flash_still_on().await } else { Ok(()) }
     }
 
-    /// Checks that the flash is on, at the end of the time for which it was switched on.
+    /// Checks that the flash is still on, at the end of its on-time.
     ///
     /// # Errors
-    /// `Stop` when the flash went off by itself.
+    /// `Stop` if the flash went off by itself.
     pub async fn flash_still_on(&mut self) -> DeviceResult<()> {
         if !self.is_lit().await? {
             let device = self.limits.flash.as_ref().map_or("flash", |f| f.id.as_str());
@@ -174,10 +175,10 @@ impl<'a> Hands<'a> {
         Ok(())
     }
 
-    /// Sets exposure and gain, and waits until frames are sure to have them.
+    /// Sets exposure and gain, and waits until frames are certain to use them.
     ///
     /// # Errors
-    /// As the camera answers; `Setup` when it sets something else.
+    /// Those of the camera; `Setup` if it sets another value.
     pub async fn expose(&mut self, exposure: Duration, gain: f64) -> DeviceResult<()> {
         if self.memory.asked == Some((exposure, gain)) {
             return Ok(());
@@ -198,7 +199,7 @@ impl<'a> Hands<'a> {
         for _ in 0..most {
             let stamp = self.next_frame(Freshness::NEVER).await?.stamp;
             first = first.or_else(|| Freshness::first_with_controls(stamp, controls.set_at, lag));
-            // From here on changes of the bench come after this one.
+            // Frames from this one on postdate the change of controls, so later changes of the bench come after it.
             if let Some(first) = first.filter(|f| stamp.sequence + 1 >= *f) {
                 self.memory.freshness.first_sequence = first;
                 self.memory.freshness.duration =
@@ -210,15 +211,15 @@ impl<'a> Hands<'a> {
         Err(self.only_stale(most))
     }
 
-    /// Exposure and gain in force.
+    /// Exposure and gain in use.
     pub fn controls(&self) -> Option<Controls> {
         self.memory.controls
     }
 
-    /// Closes or opens the shutter, where there is one.
+    /// Closes or opens the shutter, if any.
     ///
     /// # Errors
-    /// As the camera answers.
+    /// Those of the camera.
     pub async fn cover(&mut self, closed: bool) -> DeviceResult<()> {
         if !self.limits.camera.shutter {
             return Ok(());
@@ -230,13 +231,13 @@ impl<'a> Hands<'a> {
     /// Shows a pattern.
     ///
     /// # Errors
-    /// As the panel answers; `Retry` when it acknowledges another pattern.
+    /// Those of the panel; `Retry` if it acknowledges another pattern.
     pub async fn show(&mut self, pattern: Pattern) -> DeviceResult<()> {
         let shown = timed(&mut self.stopwatch, self.devices.display.show(pattern)).await?;
         self.believe(shown, pattern)
     }
 
-    /// That the panel acknowledges what it was asked for.
+    /// Checks that the panel acknowledges the requested pattern.
     fn believe(&mut self, shown: Shown, pattern: Pattern) -> DeviceResult<()> {
         if shown.pattern != pattern {
             let (expected, got) = (format!("{pattern:?}"), format!("{:?}", shown.pattern));
@@ -247,14 +248,14 @@ impl<'a> Hands<'a> {
         self.steady(Whose::Display, shown.since, "show a pattern")
     }
 
-    /// Turns the analyser, from below.
+    /// Rotates the analyser, approaching the angle from below.
     ///
     /// # Errors
-    /// As the stage answers; `Stop` when it reports to stand elsewhere.
+    /// Those of the stage; `Stop` if it reports another angle.
     pub async fn turn(&mut self, to: f64) -> DeviceResult<()> {
         for stop in approach(self.memory.angle, to, &self.limits.stage) {
             let arrived = timed(&mut self.stopwatch, self.devices.stage.move_to(stop)).await?;
-            // Not so for an angle that is no number, either.
+            // The comparison is false for NaN.
             let there = (arrived.angle_deg - stop).abs() <= self.limits.stage.tolerance_deg;
             if !there {
                 let (command, got) = (format!("move to {stop}°"), format!("{}°", arrived.angle_deg));
@@ -268,7 +269,7 @@ impl<'a> Hands<'a> {
         Ok(())
     }
 
-    /// Learns where the analyser stands, without homing.
+    /// Determines the analyser angle without homing.
     ///
     /// # Errors
     /// As [`Self::position`].
@@ -277,10 +278,10 @@ impl<'a> Hands<'a> {
         Ok(())
     }
 
-    /// Angle that the stage reports.
+    /// Angle reported by the stage.
     ///
     /// # Errors
-    /// As the stage answers; `Retry` for no number.
+    /// Those of the stage; `Retry` for a value that is not a number.
     pub async fn position(&mut self) -> DeviceResult<f64> {
         let angle = timed(&mut self.stopwatch, self.devices.stage.position()).await?;
         if !angle.is_finite() {
@@ -293,7 +294,7 @@ impl<'a> Hands<'a> {
     /// Switches the flash.
     ///
     /// # Errors
-    /// As the flash answers; `Stop` when it reads back another state, or was on for too long.
+    /// Those of the flash; `Stop` if it reads back another state, or was on for too long.
     pub async fn switch(&mut self, on: bool) -> DeviceResult<()> {
         let (Some(flash), Some(info)) = (&mut self.devices.flash, &self.limits.flash) else {
             return Err(DeviceError::new("flash", "switch", "a flash", "none").class(Class::Setup));
@@ -315,10 +316,10 @@ impl<'a> Hands<'a> {
         self.steady(Whose::Flash, switched.since, command)
     }
 
-    /// Whether the flash reports to be on.
+    /// True if the flash reports to be on.
     ///
     /// # Errors
-    /// As the flash answers.
+    /// Those of the flash.
     pub async fn is_lit(&mut self) -> DeviceResult<bool> {
         match &mut self.devices.flash {
             Some(flash) => timed(&mut self.stopwatch, flash.is_on()).await.map_err(perhaps_lit),
@@ -326,10 +327,10 @@ impl<'a> Hands<'a> {
         }
     }
 
-    /// Drops frames until one shows the bench as it is now; returns it with how many were dropped.
+    /// Drops frames until one shows the present state of the bench; returns it with the number of dropped frames.
     ///
     /// # Errors
-    /// As the camera answers; `Stop` when it delivers only stale frames.
+    /// Those of the camera; `Stop` if it delivers only stale frames.
     pub async fn fresh(&mut self) -> DeviceResult<(Frame, u32)> {
         let most = self.most_stale();
         for dropped in 0..most {
@@ -341,19 +342,19 @@ impl<'a> Hands<'a> {
         Err(self.only_stale(most))
     }
 
-    /// The rule that frames are accepted by now.
+    /// Criterion for fresh frames in the present state.
     pub(crate) fn freshness(&self) -> Freshness {
         self.memory.freshness
     }
 
-    /// The next frame, whole and of the size that the camera promised; without its codes if it is not fresh.
+    /// Next frame, complete and of the announced size; without its codes if it is stale.
     ///
     /// # Errors
-    /// As the camera answers; `Stop` for another size and for a clock that runs backwards, `Retry` for a damaged frame.
+    /// Those of the camera; `Stop` for another size, and for a clock that runs backwards; `Retry` for a damaged frame.
     pub async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame> {
         let taken = timed(&mut self.stopwatch, self.devices.camera.next_frame(fresh)).await;
         if taken.as_ref().is_err_and(|e| e.class == Class::Lost) {
-            // It comes back with settings of its own.
+            // A reconnected camera starts with default settings.
             self.memory.asked = None;
         }
         let frame = taken?;
@@ -385,10 +386,10 @@ impl<'a> Hands<'a> {
         Ok(frame)
     }
 
-    /// Something changed and is steady since then.
+    /// Records a change, steady since this time.
     fn steady(&mut self, whose: Whose, since: Duration, command: &str) -> DeviceResult<()> {
-        // The camera reports a time only when its exposure is set. There may be no earlier one, so it is also compared with the times of other
-        // devices, which may be ahead by their settling time.
+        // The camera reports a time only when its exposure is set. There may be no earlier one, so it is also compared
+        // with the times of other devices, which may be ahead by their settling time.
         let others = match whose {
             Whose::Camera => self.memory.reported.iter().max().copied().unwrap_or_default(),
             _ => Duration::ZERO,
@@ -409,7 +410,7 @@ impl<'a> Hands<'a> {
         Ok(())
     }
 
-    /// So many frames may come until one is fresh.
+    /// Maximum number of stale frames before a fresh one.
     fn most_stale(&self) -> u32 {
         let flash = self.limits.flash.as_ref().map_or(0.0, |f| f.settling_s);
         let interval = self.memory.freshness.duration.as_secs_f64().max(SHORTEST_FRAME_S);
@@ -428,13 +429,13 @@ impl<'a> Hands<'a> {
     }
 }
 
-/// A flash that does not answer may be on, and only a person can tell.
+/// A flash that does not answer may be on, which only a person can verify.
 fn perhaps_lit(error: DeviceError) -> DeviceError {
     let remedy = format!("the light may be on: see that it is off, by hand if need be; {}", error.remedy);
     if error.class == Class::Setup { error } else { error.remedy(remedy) }
 }
 
-/// Counts the time until a device has answered.
+/// Measures the time until a device has answered.
 async fn timed<T>(stopwatch: &mut Stopwatch, call: impl Future<Output = T>) -> T {
     let begun = Instant::now();
     let answer = call.await;

@@ -1,4 +1,4 @@
-//! The hands on a simulated bench with a lamp that needs long to be steady.
+//! Device commands on a simulated bench with a slowly settling lamp.
 
 use super::take::prepare;
 use super::{Devices, Hands};
@@ -12,7 +12,7 @@ use std::time::Duration;
 
 const SETTLING: Duration = Duration::from_secs(10);
 
-/// A lamp that says when its light will be steady, and does not wait for it.
+/// A lamp that reports a future time of steady light instead of waiting for it.
 struct SlowLamp {
     clock: SharedBench,
     on: bool,
@@ -67,7 +67,7 @@ fn a_lamp_that_settles_for_long_is_waited_for() {
     assert!(frame.stamp.timestamp >= lit + SETTLING + Duration::from_millis(8), "{:?} after {lit:?}", frame.stamp);
 }
 
-/// What follows at once is steady before the lamp is, and not because the clock was set back.
+/// A change that follows at once is steady before the lamp, without being taken for a clock that was set back.
 #[test]
 fn other_devices_are_used_while_a_lamp_settles() {
     let (_bench, mut devices) = bench();
@@ -81,20 +81,20 @@ fn other_devices_are_used_while_a_lamp_settles() {
     .unwrap();
 }
 
-/// Wherever the clock is set back, the first frame after a change of the exposure has the new one, or an error says so: the first time that
-/// the camera reports after a preparation may be the one that is wrong.
+/// Whenever the clock is set back, the first frame after a change of the exposure has the new exposure, or an error
+/// results. The first time reported by the camera after a preparation may be the wrong one.
 #[test]
 fn a_clock_that_is_set_back_leaves_no_frame_with_the_earlier_exposure() {
     let lit = |faults| {
         let (_bench, mut devices) = bench_with(faults);
-        // Nothing is to wait for a lamp.
+        // Removes waits for the lamp.
         devices.flash = None;
         let mut hands = Hands::new(&mut devices);
         run(async {
             for exposure_us in [4000, 1000] {
                 hands.prepare(true).await?;
                 hands.show(Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 100.0 }).await?;
-                // Meanwhile frames wait in the camera.
+                // Frames accumulate in the camera meanwhile.
                 hands.turn(20.0).await?;
                 hands.expose(Duration::from_micros(exposure_us), 1.0).await?;
             }
@@ -116,7 +116,7 @@ fn a_clock_that_is_set_back_leaves_no_frame_with_the_earlier_exposure() {
     assert!(ends[0] > 5 && ends[1] > 0, "{ends:?}");
 }
 
-/// As after a pause: an analyser that the plan leaves alone must be where it was.
+/// As after a pause: an analyser that the plan does not rotate must not have moved.
 #[test]
 fn an_analyser_that_the_plan_leaves_alone_is_compared() {
     let plan: Plan = toml::from_str("kind = \"flash\"").unwrap();
@@ -151,7 +151,8 @@ impl Prompt for Asked {
     }
 }
 
-/// One that a person turns is asked for where it is not known to be there, and nothing is asked before that is known.
+/// A person is asked to rotate an analyser back if its angle is unknown or has changed, but not before the original
+/// angle is known.
 #[test]
 fn a_person_is_asked_to_turn_the_analyser_back() {
     let plan: Plan = toml::from_str("kind = \"flash\"").unwrap();

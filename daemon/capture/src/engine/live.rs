@@ -1,4 +1,5 @@
-//! The reconstruction that runs while frames arrive, so that the map is complete a moment after the last of them, unless another process makes it.
+//! Reconstruction during capture, so that the map is complete shortly after the last frame, unless another process
+//! computes it.
 
 use super::Observer;
 use super::series::{Decision, decide, decide_fringes};
@@ -16,33 +17,34 @@ use std::path::Path;
 use std::sync::mpsc::Receiver;
 use tokio::sync::mpsc::UnboundedSender;
 
-/// What it works on.
+/// Input of the live reconstruction.
 pub struct Live<'a> {
-    /// The session's folder.
+    /// Session folder.
     pub folder: &'a Path,
-    /// What the session is.
+    /// Description of the session.
     pub description: &'a SessionFile,
-    /// What the camera is.
+    /// Description of the camera.
     pub camera: CameraInfo,
-    /// Told of the map so far.
+    /// Observer, which receives intermediate maps.
     pub observer: &'a dyn Observer,
-    /// For a series that goes on until enough is known, and has not ended yet.
+    /// For an adaptive series that has not ended yet.
     pub deciding: Option<Deciding>,
 }
 
-/// Decides how a series goes on.
+/// Decisions about an adaptive series.
 pub struct Deciding {
-    /// Frames of the series that are known by now; then it is time to decide.
+    /// Number of frames of the series decided so far; the next decision follows when all have arrived.
     pub known: usize,
-    /// How far the stage turns, in degrees.
+    /// Range of the stage in degrees.
     pub limits_deg: [f64; 2],
-    /// Where decisions go.
+    /// Receives the decisions.
     pub decisions: UnboundedSender<Result<Decision>>,
 }
 
 impl Live<'_> {
-    /// Takes in stored frames in the order of the series until no more come. None when the plan asks for no
-    /// reconstruction, or when it cannot go along: then the finished session is reconstructed as a whole, which says why.
+    /// Adds stored frames in the order of the series until the channel closes. `None` if the plan requests no
+    /// reconstruction, or if live reconstruction is impossible: the finished session is then reconstructed as a whole,
+    /// which reports the reason.
     pub fn follow(mut self, arrivals: Receiver<Arrival>) -> Option<Running> {
         let plan = &self.description.plan;
         if plan.until_decided().is_some() && self.deciding.is_some() {
@@ -63,12 +65,12 @@ impl Live<'_> {
             if failed {
                 continue;
             }
-            // A frame that was taken again may differ from the one taken in, so all is taken in again.
+            // A frame captured again may differ from the added one, so the reconstruction restarts.
             running = running.filter(|r| index >= r.added());
             if let Err(error) = self.take_in(&mut running, &there) {
                 failed = true;
                 if let Some(deciding) = self.deciding.take() {
-                    // Nobody may be waiting any more.
+                    // The receiver may be gone.
                     let _ = deciding.decisions.send(Err(error));
                 }
             }
@@ -76,18 +78,18 @@ impl Live<'_> {
         running.filter(|r| wanted && !failed && r.added() == there.len())
     }
 
-    /// Takes in the frames of a spot scan in their order, and says how it goes on.
+    /// Adds the frames of a fringe series in order, and decides its continuation.
     fn follow_fringes(&mut self, arrivals: Receiver<Arrival>) {
         let mut survey = None;
         let mut there = BTreeMap::new();
         for Arrival { index, frame } in arrivals {
             there.insert(index, frame);
-            // A frame that was taken again may differ from the one taken in, so all is taken in again.
+            // A frame captured again may differ from the added one, so the survey restarts.
             survey = survey.filter(|s: &Survey| index >= s.added());
             if let Err(error) = self.take_in_fringes(&mut survey, &there)
                 && let Some(deciding) = self.deciding.take()
             {
-                // Nobody may be waiting any more.
+                // The receiver may be gone.
                 let _ = deciding.decisions.send(Err(error));
             }
         }
@@ -116,7 +118,7 @@ impl Live<'_> {
         Ok(())
     }
 
-    /// Takes in all angles whose frames are there, then decides if it is time.
+    /// Adds all angles with complete frames, then decides if due.
     fn take_in(&mut self, running: &mut Option<Running>, there: &BTreeMap<usize, Frame>) -> Result<()> {
         let per_angle = self.description.plan.frames_per_angle();
         loop {
@@ -147,7 +149,7 @@ impl Live<'_> {
         Running::open(planned(self.folder, set, info(&self.description.plan, &self.camera))?)
     }
 
-    /// Says how the series goes on, once all frames that are known of it are taken in.
+    /// Decides the continuation of the series once all frames decided so far are added.
     fn decide(&mut self, running: &Running) -> Result<()> {
         let plan = &self.description.plan;
         let (Some(wanted), Some(deciding)) = (plan.until_sigma(), &mut self.deciding) else { return Ok(()) };
@@ -165,10 +167,10 @@ impl Live<'_> {
     }
 }
 
-/// A spot scan whose frames are to come.
+/// Survey of a fringe series whose frames are still to come.
 ///
 /// # Errors
-/// `Input` where bench and plan do not say what periods follow from.
+/// `Input` if bench and plan do not determine periods.
 pub fn begin_survey(folder: &Path, description: &SessionFile, camera: &CameraInfo) -> Result<Survey> {
     let plan = &description.plan;
     let settings =

@@ -1,5 +1,5 @@
-//! Exposure metering: the longest exposure at which nothing saturates, over the whole turn of the analyser, and from there on the
-//! exposures of a bracket.
+//! Exposure metering: the longest exposure without saturation over the full rotation of the analyser, and from there
+//! the exposures of a bracket.
 
 use super::hands::Hands;
 use crate::failure::Failure;
@@ -10,40 +10,40 @@ use nacre_drivers::{CameraInfo, DeviceError, Frame};
 use nacre_polarimetry::{Design, Fit};
 use std::time::Duration;
 
-/// Metering aims at this share of white for the brightest pixels.
+/// Target level of the brightest pixels, relative to white.
 const TARGET: f64 = 0.85;
 
-/// Levels that are neither clipped nor lost in noise, so that one step from them is the last.
+/// Levels that are neither clipped nor dominated by noise, so that one further step suffices.
 const TRUSTED: std::ops::RangeInclusive<f64> = 0.2..=0.95;
 
-/// Attempts until a level can be trusted.
+/// Maximum number of attempts to reach such a level.
 const ATTEMPTS: u32 = 12;
 
-/// Most lights (spots, steps) that are looked at; a longer series is thinned.
+/// Maximum number of metered lights (spots, steps); longer series are subsampled.
 const LIGHTS: usize = 8;
 
-/// Past this share of the pixels are hot pixels and glints.
+/// Quantile of the pixels that counts as brightest; beyond it are hot pixels and glints.
 const BRIGHT: f64 = 0.999;
 
-/// A bracket is long enough once all but the darkest of its pixels, so many, are at this share of white.
+/// Fraction of the darkest pixels that may stay dark, and level relative to white that ends a bracket.
 const DARKEST: f64 = 0.01;
 const LIT: f32 = 0.1;
 
-/// Angles of the analyser that tell the brightest of the whole turn.
+/// Analyser angles that determine the maximum over the full rotation.
 pub(crate) const TURN_DEG: [f64; 4] = [0.0, 45.0, 90.0, 135.0];
 
-/// Where metering begins if nothing is known.
+/// Start exposure in s without prior knowledge.
 const FIRST_S: f64 = 0.01;
 
-/// What metering found.
+/// Result of metering.
 pub struct Metered {
-    /// Exposure time for the steps that name none.
+    /// Exposure time for steps without a stated one.
     pub exposure: Duration,
-    /// Exposures of the bracket, in ms, if the plan asks for one.
+    /// Exposures of the bracket in ms, if the plan requests one.
     pub bracket_ms: Vec<f64>,
 }
 
-/// Meters what the plan leaves open.
+/// Meters everything that the plan leaves open.
 ///
 /// # Errors
 /// As [`meter`].
@@ -56,7 +56,7 @@ pub async fn metered(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress
     Ok(Metered { exposure, bracket_ms })
 }
 
-/// Exposures from the shortest on, in which next to nothing saturates, as long as there is something to be gained.
+/// Exposures from the shortest, which saturates almost no pixels, upwards until longer ones add no information.
 async fn bracket(
     hands: &mut Hands<'_>,
     plan: &Plan,
@@ -97,11 +97,11 @@ async fn bracket(
     Ok(exposures)
 }
 
-/// Longest exposure that camera and flash allow, in seconds.
+/// Longest exposure permitted by camera and flash, in seconds.
 fn longest(hands: &Hands<'_>, flash: bool) -> f64 {
     let [shortest, mut longest] = hands.limits().camera.exposure_s;
     if flash {
-        // Longer exposures would keep the flash on for too long.
+        // Longer exposures would exceed the maximum on-time of the flash.
         let max = hands.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
         while light_on_s(Duration::from_secs_f64(longest), 1, hands.limits()) > max && longest > shortest {
             longest *= 0.5;
@@ -110,10 +110,10 @@ fn longest(hands: &Hands<'_>, flash: bool) -> f64 {
     longest
 }
 
-/// Exposure time for the plan's steps that name none: the shortest that any of its lights needs.
+/// Exposure time for steps without a stated one: the shortest required by any of the plan's lights.
 ///
 /// # Errors
-/// A device error; no light; a sample too bright for the shortest exposure.
+/// Device errors; no light; a sample too bright for the shortest exposure.
 async fn meter(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> Result<Duration, Failure> {
     let lights = lights(plan);
     let turn = lights.iter().any(|l| l.analyser_deg.is_some());
@@ -131,14 +131,15 @@ async fn meter(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> R
     Ok(steady(shortest, &camera.steady_exposures_s))
 }
 
-/// The longest exposure that suits the panel's refresh and is not longer, where that gives away less than half of it.
+/// Longest exposure that is synchronous with the panel's refresh and not longer than `exposure`, unless it would lose
+/// more than half of it.
 pub(super) fn steady(exposure: Duration, suiting_s: &[f64]) -> Duration {
     let fits = |s: &f64| (0.5..=1.0 + 1e-9).contains(&(s / exposure.as_secs_f64()));
     let longest = suiting_s.iter().copied().filter(fits).max_by(f64::total_cmp);
     longest.map_or(exposure, Duration::from_secs_f64)
 }
 
-/// What shines in the steps whose exposure is to be metered, each once.
+/// Distinct illuminations of the steps to meter.
 pub(crate) fn lights(plan: &Plan) -> Vec<State> {
     let mut lights: Vec<State> = vec![];
     let steps = plan.steps();
@@ -153,10 +154,10 @@ pub(crate) fn lights(plan: &Plan) -> Vec<State> {
     lights.into_iter().step_by(every).collect()
 }
 
-/// Exposure for one light, beginning with a guess.
+/// Meters one illumination, starting with a guess.
 ///
 /// # Errors
-/// A device error; no light; a sample too bright for the shortest exposure.
+/// Device errors; no light; a sample too bright for the shortest exposure.
 pub(super) async fn one(
     hands: &mut Hands<'_>,
     gain: f64,
@@ -184,13 +185,13 @@ pub(super) async fn one(
     Err(nothing(&camera, exposure).into())
 }
 
-/// How much longer the next exposure is after one that led to this level. Near white the level is clipped, and far below it is mostly
-/// noise: it steps, and looks again.
+/// Factor to the next exposure after one with this level. Near white the level is clipped, and at low levels it is
+/// mostly noise, so fixed steps are taken there.
 fn step(level: f64) -> f64 {
     if level > *TRUSTED.end() { 0.2 } else { (TARGET / level.max(1e-3)).min(20.0) }
 }
 
-/// Exposures that are tried for a light that needs this one.
+/// Exposures tried for a light that requires this one.
 pub(crate) fn tried(guess: Option<Duration>, needed: Duration) -> Vec<Duration> {
     let mut all = vec![guess.unwrap_or(Duration::from_secs_f64(FIRST_S))];
     while let Some(last) = all.last().filter(|_| all.len() < ATTEMPTS as usize).map(Duration::as_secs_f64) {
@@ -203,8 +204,8 @@ pub(crate) fn tried(guess: Option<Duration>, needed: Duration) -> Vec<Duration> 
     all
 }
 
-/// Level of the brightest pixels between black (0) and white (1), at their brightest analyser angle: four frames at 0,
-/// 45, 90 and 135 degrees tell the whole turn. Without an analyser, that of one frame.
+/// Level of the brightest pixels between black (0) and white (1), at the brightest analyser angle. Four frames at 0,
+/// 45, 90 and 135 degrees determine the full rotation; without an analyser, one frame suffices.
 async fn level(hands: &mut Hands<'_>, light: &State, camera: &CameraInfo) -> Result<f64, Failure> {
     let (black, range) = (f32::from(camera.black), f32::from(camera.white.saturating_sub(camera.black).max(1)));
     let linear = |code: &u16| (f32::from(*code) - black) / range;
@@ -225,7 +226,7 @@ async fn level(hands: &mut Hands<'_>, light: &State, camera: &CameraInfo) -> Res
     Ok(f64::from(quantile(&mut values, BRIGHT).unwrap_or(0.0)))
 }
 
-/// A fresh frame, under the flash if need be, which is on for no longer than that.
+/// A fresh frame, with the flash switched on only during its exposure if required.
 async fn lit(hands: &mut Hands<'_>, flash: bool) -> Result<Frame, Failure> {
     if flash {
         hands.switch(true).await?;
@@ -253,7 +254,7 @@ mod tests {
         let suiting: Vec<f64> = (1..10).map(|n| f64::from(n) / 60.0).collect();
         let of = |ms: u64| steady(Duration::from_millis(ms), &suiting).as_secs_f64();
         assert!((of(40) - 2.0 / 60.0).abs() < 1e-9 && (of(20) - 1.0 / 60.0).abs() < 1e-9);
-        // None is short enough, or all are far too short: as metered.
+        // No exposure is short enough, or all are far too short: the metered one is used.
         assert_eq!((of(10), of(1000)), (0.01, 1.0));
     }
 }

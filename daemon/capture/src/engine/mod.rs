@@ -1,10 +1,11 @@
-//! The capture engine: takes a plan's frames one by one, each fresh, each stored for good before it counts.
+//! Capture engine: captures the frames of a plan one at a time. Each frame is verified to be fresh and counts once it
+//! is durably stored.
 //!
-//! Whatever stops it, going on later gives the same data set: settings are sent again, the stage is homed and every angle
-//! approached from below, and frames that are committed are not taken twice. Light is off after any end.
+//! A session can be resumed after any interruption with the same result. Settings are sent again, the stage is homed,
+//! every angle is approached from below, and committed frames are not repeated. The light is always switched off at the
+//! end.
 //!
-//! Three things go on at once: the bench moves (`take`), stored frames accumulate (`store`), and the reconstruction
-//! follows them (`live`).
+//! Three activities run in parallel: bench control (`take`), storage of frames (`store`), and reconstruction (`live`).
 
 mod hands;
 #[cfg(test)]
@@ -42,52 +43,53 @@ use take::{Decisions, Taker};
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
 
-/// Frames on their way to the disk; more would only need memory.
+/// Maximum number of frames waiting for the disk; more would only occupy memory.
 const QUEUE: usize = 2;
 
-/// Follows a run from other threads.
+/// Observer of a run, called from other threads.
 pub trait Observer: Progress {
-    /// A step's frame is stored for good, since this time in Unix seconds.
+    /// A step's frame was durably stored at this Unix time in seconds.
     fn stored(&self, _step: &Step, _evidence: &Commit, _time: Option<f64>) {}
-    /// Something else went into the journal at this time in Unix seconds.
+    /// Another entry was written to the journal at this Unix time in seconds.
     fn noted(&self, _entry: &Entry, _time: Option<f64>) {}
-    /// Whether the map is to be looked at while frames arrive.
+    /// True if intermediate maps are displayed.
     fn wants_map(&self) -> bool {
         false
     }
-    /// The map so far.
+    /// Receives an intermediate map.
     fn map(&self, _running: &Running) {}
-    /// What a series that goes on until enough is known knows so far.
+    /// Receives the intermediate state of an adaptive series.
     fn so_far(&self, _so_far: &SoFar) {}
 }
 
-/// What a run needs besides the session.
+/// Resources of a run besides the session.
 pub struct Engine<'a> {
-    /// Runs the device calls.
+    /// Runtime of the device calls.
     pub runtime: &'a Runtime,
-    /// The bench.
+    /// Devices of the bench.
     pub devices: &'a mut Devices,
-    /// What must hold meanwhile.
+    /// Interlocks.
     pub watch: &'a Watch,
-    /// State of the run, and who steers it.
+    /// State and control of the run.
     pub control: &'a Control,
-    /// Told of everything that happens.
+    /// Observer of all events.
     pub observer: &'a dyn Observer,
 }
 
-/// What a run led to.
+/// Result of a run.
 pub struct Outcome {
-    /// Where the time went.
+    /// Times of the run.
     pub timing: Timing,
-    /// The reconstruction that followed the frames, complete but for its solution.
+    /// The live reconstruction with all frames added, not yet solved.
     pub running: Option<Running>,
 }
 
 impl Engine<'_> {
-    /// Finds the exposure for a plan's steps that name none, and its bracket. The light is off afterwards, come what may.
+    /// Meters the exposure for steps without a stated one, and the bracket. The light is switched off afterwards in any
+    /// case.
     ///
     /// # Errors
-    /// A device's or interlock's; `Cancelled`.
+    /// Those of devices and interlocks; `Cancelled`.
     pub fn meter(&mut self, plan: &Plan) -> Result<(Metered, Timing), Failure> {
         let begun = Instant::now();
         let mut hands = Hands::new(self.devices);
@@ -108,10 +110,10 @@ impl Engine<'_> {
         })
     }
 
-    /// Takes all frames that the session does not have yet; `before` is the time that metering took.
+    /// Captures all missing frames of the session; `before` is the duration of metering.
     ///
     /// # Errors
-    /// A device's or interlock's, a full disk, `Cancelled`; in each case the session can be resumed.
+    /// Those of devices and interlocks, a full disk, `Cancelled`. The session can be resumed in each case.
     pub fn run<D: Disk + Send>(
         &mut self,
         session: Session<D>,
@@ -122,7 +124,7 @@ impl Engine<'_> {
         let plan = &description.plan;
         let (chosen, ended) = (session.journal().chosen(), session.journal().ended());
         let steps = plan.steps_with(&chosen);
-        // A group lacks all of its frames or none, since it is taken in one go.
+        // A group is captured as a whole, so either all or none of its frames are missing.
         let lacks = |group: &[Step]| vec![group.iter().any(|s| !session.has(&s.file)); group.len()];
         let missing: Vec<bool> = groups(&steps).flat_map(lacks).collect();
         self.observer.stage("capturing", session.journal().planned(plan)[1] as u64);
@@ -130,7 +132,7 @@ impl Engine<'_> {
         let camera = self.devices.camera.describe();
         let observer = self.observer;
         let (decisions, mut decided) = mpsc::unbounded_channel();
-        // What would be refused after the first fringes is refused before them.
+        // Settings that the first decision would reject are rejected before the first fringes.
         if plan.until_decided().is_some()
             && ended.is_none()
             && let Err(error) = live::begin_survey(&folder, description, &camera)
@@ -170,7 +172,7 @@ impl Engine<'_> {
             let taken = runtime.block_on(take_and_finish(taker, (&steps, &missing), further, before));
             let stored = storing.join().unwrap_or_else(|_| Err(died("storing")));
             let running = following.join().unwrap_or(None);
-            // What the disk says explains why the frames were not wanted any more.
+            // An error of the disk is the cause of a cancelled capture.
             let result = stored.and(taken);
             let _ = control.send(match &result {
                 Ok(_) => Input::Done,
@@ -182,7 +184,7 @@ impl Engine<'_> {
     }
 }
 
-/// Takes the frames, waits until they are stored, and closes the session or says why it ended.
+/// Captures the frames, waits until they are stored, and closes the session or records why it ended.
 async fn take_and_finish(
     mut taker: Taker<'_>,
     (steps, missing): (&[Step], &[bool]),

@@ -1,7 +1,8 @@
-//! What a panel makes of what it is told, as the camera sees it: its tone curve, and whether a pattern is there when the panel says so.
+//! Characterisation of a panel by the camera: tone curve, and latency between acknowledgement and visible pattern.
 //!
-//! The camera looks at anything that the panel lights: a sheet of paper, a sample, the panel itself. Luminances are means over
-//! the pixels that see the panel, so what they see of it cancels; the camera must be linear (`nacre init` measures that).
+//! The camera views any object lit by the panel: paper, a sample, or the panel itself. Luminances are means over the
+//! pixels that see the panel, so that the object's reflectance cancels. The camera must be linear (`nacre init`
+//! measures that).
 
 use super::hands::Hands;
 use super::meter;
@@ -15,61 +16,63 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-/// Numbers of levels whose codes are whole numbers from 0 to 255.
+/// Numbers of levels whose codes are integers from 0 to 255.
 pub const LEVELS: [usize; 5] = [6, 16, 18, 52, 86];
 
-/// Frames that are averaged per level.
+/// Number of frames averaged per level.
 const AVERAGED: u32 = 3;
 
-/// Changes between black and white that are watched.
+/// Number of observed transitions between black and white.
 const CHANGES: u32 = 6;
 
-/// Frames watched at most after a change, and how many in a row must show the new level.
+/// Maximum number of frames observed after a transition, and number of consecutive frames that must show the new level.
 const WATCHED: u32 = 60;
 const SETTLED: u32 = 6;
 
-/// A frame shows the new pattern when it is so near to its level, as a part of the change.
+/// Tolerance of the new level, relative to the transition, for a frame that shows the new pattern.
 const THERE: f64 = 0.02;
 
-/// Pixels that see at least this part of what the brightest see of the panel count,
+/// Minimum signal of a pixel from the panel, relative to the brightest pixels.
 const SEEN: f64 = 0.2;
 
-/// and there must be so many of them.
+/// Minimum number of such pixels.
 const FEWEST: usize = 50;
 
-/// What was found.
+/// Measured properties of a panel.
 #[derive(Clone, Debug, Serialize)]
 pub struct PanelFound {
-    /// Luminances at evenly spaced codes from black to white, as parts of white's: means of a rising and a falling series.
+    /// Luminances at evenly spaced codes from black to white, relative to white: means of an ascending and a descending
+    /// series.
     pub luminances: Vec<f64>,
-    /// Largest difference between the two series, as a part of white: drift of panel or camera.
+    /// Largest difference between both series relative to white, caused by drift of panel or camera.
     pub drift: f64,
-    /// The power law through them.
+    /// Fitted power law.
     pub law: PowerLaw,
-    /// Pixels that see the panel.
+    /// Number of pixels that see the panel.
     pub pixels: usize,
     /// Exposure time in ms.
     pub exposure_ms: f64,
-    /// Changes between black and white that were watched.
+    /// Number of observed transitions between black and white.
     pub changes: u32,
-    /// Frames that were taken after the panel had said that it shows the new pattern, and did not show it yet; the most of all changes.
+    /// Maximum number of frames after an acknowledgement that did not yet show the new pattern.
     pub late_frames: u32,
-    /// How long after it had said so the last of them ended, in ms.
+    /// Time from the acknowledgement to the end of the last such frame, in ms.
     pub late_ms: f64,
 }
 
-/// The pattern that makes a panel show the code `part` · 255 everywhere. Where it draws by a tone curve of its own, that is asked for its
+/// Pattern that makes a panel show the code `part` · 255 everywhere. A panel with a tone curve is asked for the
 /// luminance at this code.
 fn level(part: f64, tone: Option<&Tone>) -> Pattern {
     let asked = tone.map_or(part, |tone| tone.luminance((255.0 * part).round() as u8));
     Pattern::Fringes { cycles_per_mm: [0.0; 2], phase: (2.0 * asked - 1.0).clamp(-1.0, 1.0).acos() / TAU, gamma: 1.0 }
 }
 
-/// Measures the panel at so many levels ([`LEVELS`]); `tone` is the curve that it draws by already. The light is off afterwards only if
-/// nothing fails: whoever calls it sees to that.
+/// Measures the panel at this number of levels ([`LEVELS`]); `tone` is the tone curve that it already applies. After a
+/// failure, the caller must switch the light off.
 ///
 /// # Errors
-/// As the devices answer; `Setup` where the camera sees too little of the panel, or what it sees does not grow with the code.
+/// Those of the devices; `Setup` if the camera sees too little of the panel, or if its signal does not grow with the
+/// code.
 pub async fn measure(
     hands: &mut Hands<'_>,
     levels: usize,
@@ -125,14 +128,14 @@ pub async fn measure(
 /// The pixels that see the panel.
 struct Eye {
     pixels: Vec<usize>,
-    /// The camera's code of no light.
+    /// Camera code without light.
     black: f64,
-    /// Mean codes above that, under a black and a white panel.
+    /// Mean codes above `black` for a black and a white panel.
     ends: [f64; 2],
 }
 
 impl Eye {
-    /// Finds them.
+    /// Selects the pixels.
     async fn open(hands: &mut Hands<'_>, tone: Option<&Tone>) -> Result<Self, Failure> {
         let camera = hands.limits().camera.clone();
         let mut frames = vec![];
@@ -165,7 +168,7 @@ impl Eye {
         sum as f64 / self.pixels.len().max(1) as f64 - self.black
     }
 
-    /// Mean of several frames, after `late` that may still show what was before.
+    /// Mean of several frames, after `late` frames that may show the previous pattern.
     async fn mean(&self, hands: &mut Hands<'_>, late: u32) -> Result<f64, Failure> {
         for _ in 0..late {
             hands.fresh().await?;
@@ -177,7 +180,8 @@ impl Eye {
         Ok(sum / f64::from(AVERAGED))
     }
 
-    /// Changes the panel; counts the frames that do not show it although they are taken after it says so, and when the last of them ended.
+    /// Changes the pattern; returns the number of frames after the acknowledgement that do not show it, and the end of
+    /// the last of them.
     async fn late(&self, hands: &mut Hands<'_>, part: f64, tone: Option<&Tone>) -> Result<(u32, Duration), Failure> {
         let goal = self.ends[usize::from(part > 0.5)];
         let width = THERE * (self.ends[1] - self.ends[0]);
@@ -202,7 +206,7 @@ impl Eye {
     }
 }
 
-/// A frame long after the last change: the last of several whose predecessors may be late.
+/// A frame long after the last change: the last of several, so that delayed ones are skipped.
 async fn settled(hands: &mut Hands<'_>) -> Result<Frame, Failure> {
     for _ in 0..WATCHED {
         hands.fresh().await?;

@@ -1,10 +1,10 @@
-//! What follows from a measured panel for whoever configures it.
+//! Configuration advice derived from a measured panel.
 
 use super::panel::PanelFound;
 use nacre_drivers::display::kms::Tone;
 use nacre_drivers::display::{DisplayConfig, DisplayDriver};
 
-/// The curve that a panel draws by already, where it does.
+/// Tone curve that a panel already applies, if any.
 pub fn drawn_by(display: &DisplayConfig) -> Option<&Tone> {
     match &display.driver {
         DisplayDriver::Kms(settings) => Some(&settings.tone),
@@ -13,12 +13,12 @@ pub fn drawn_by(display: &DisplayConfig) -> Option<&Tone> {
 }
 
 impl PanelFound {
-    /// The curve by which a panel is to be driven that draws by one of its own.
+    /// Tone curve for a panel driver that can apply one.
     pub fn tone(&self) -> Tone {
         self.law.tone(&self.luminances)
     }
 
-    /// What to configure for the panel, as lines of a configuration or of plans.
+    /// Settings for the panel, as lines of a configuration or of plans.
     pub fn advice(&self, display: Option<&DisplayConfig>) -> Vec<String> {
         let (found, tone) = (self, &self.tone());
         let mut lines = vec![];

@@ -1,4 +1,4 @@
-//! A series that ends when enough is known: which angle, or how many fringes, come next, or why none do.
+//! Adaptive series: selection of the next angle or fringes, and the decision to end.
 
 use crate::plan::{Added, MORE, UntilDecided, UntilSigma};
 use crate::session::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
@@ -6,25 +6,24 @@ use nacre_base::{Error, Result};
 use nacre_periods::spots::Survey;
 use nacre_polarimetry::{HOPELESS, Precision, Running};
 
-/// What comes next in a series.
+/// Continuation of a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Decision {
-    /// More of it.
+    /// Continue.
     Next {
-        /// What is added.
+        /// Addition to the series.
         added: Added,
-        /// What was known before it.
+        /// State before the addition.
         so_far: SoFar,
     },
-    /// Nothing.
+    /// End of the series.
     End(SeriesEnd),
 }
 
-/// Decides from the photographs so far and nothing else, so that a resumed session decides alike. `limits_deg` is how far
-/// the stage turns.
+/// Decides from the photographs alone, so that a resumed session decides alike. `limits_deg` is the range of the stage.
 ///
 /// # Errors
-/// `Input` when the angles cannot tell an orientation.
+/// `Input` if the angles do not determine an orientation.
 pub fn decide(running: &Running, wanted: UntilSigma, limits_deg: [f64; 2]) -> Result<(SoFar, Decision)> {
     let precision = running.precision()?;
     let so_far = SigmaSoFar {
@@ -44,21 +43,22 @@ pub fn decide(running: &Running, wanted: UntilSigma, limits_deg: [f64; 2]) -> Re
     Ok((SoFar::Sigma(so_far), decision))
 }
 
-/// The same for a spot scan with so many fringes, of which the last are whole. `besides` frames come before the fringes.
+/// As [`decide`], for a fringe series with this number of complete fringes. `besides` frames precede the fringes.
 ///
 /// # Errors
-/// `Input` when the frames are no scan.
+/// `Input` if the frames are no fringe series.
 pub fn decide_fringes(survey: &mut Survey, wanted: UntilDecided, besides: usize) -> Result<(SoFar, Decision)> {
     let phases = wanted.phases as usize;
     let share = |survey: &mut Survey, fringes: u32| {
         survey.decided(besides + phases * fringes as usize, wanted.period_sigma).map(|d| d.share())
     };
-    // The first are asked for each time, so that a resumed session finds the same aperture and decides alike.
+    // The initial fringes are evaluated each time, so that a resumed session estimates the same aperture and decides
+    // alike.
     let first = share(survey, wanted.start)?;
     let fringes = ((survey.added() - besides) / phases) as u32;
     let undecided = if fringes == wanted.start { first } else { share(survey, fringes)? };
     let so_far = FringesSoFar { fringes, undecided, until_undecided: wanted.undecided, at_most: wanted.at_most };
-    // What was known four fringes ago.
+    // State four fringes earlier.
     let earlier = fringes.checked_sub(2 * MORE).filter(|f| *f >= wanted.start);
     let before = earlier.map(|f| share(survey, f)).transpose()?.flatten();
     let so = SoFar::Fringes(so_far);
@@ -72,7 +72,8 @@ pub fn decide_fringes(survey: &mut Survey, wanted: UntilDecided, besides: usize)
     Ok((so, decision))
 }
 
-/// A scan is given up when the last fringes left more than this part of what was undecided before them.
+/// Fraction of undecided pixels remaining after the last fringes, relative to before, above which a series is
+/// abandoned.
 const HARDLY: f64 = 0.9;
 
 fn enough(so_far: &FringesSoFar, before: Option<f64>) -> Option<Ending> {
@@ -98,7 +99,8 @@ fn ending(so_far: &SigmaSoFar, certain: bool) -> Option<Ending> {
     (certain && hopeless).then_some(Ending::Cannot)
 }
 
-/// The best of the whole degrees that the stage reaches, not the one it stands at: a repeat is approached anew.
+/// Best whole-degree angle within range of the stage, other than its present one, so that a repetition is approached
+/// anew.
 fn next_angle(precision: &Precision, running: &Running, [low, high]: [f64; 2]) -> Result<f64> {
     let last = running.frames().last().and_then(|f| f.analyser_deg);
     let reached = |a: &f64| (low..=high).contains(a) && last != Some(*a);

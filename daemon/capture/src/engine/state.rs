@@ -1,4 +1,4 @@
-//! The states of a run, and what leads from one to another.
+//! State machine of a run.
 
 use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
@@ -7,15 +7,15 @@ use tokio::sync::watch;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
-    /// Not begun, or stopped; what is missing can still be taken.
+    /// Not started, or stopped; missing frames can still be captured.
     Idle,
-    /// Taking frames.
+    /// Capturing frames.
     Running,
     /// Will pause after the frames in progress.
     Pausing,
     /// Waiting, with the light off.
     Paused,
-    /// Preparing the devices to go on.
+    /// Preparing the devices to continue.
     Resuming,
     /// Will stop after the frames in progress.
     Stopping,
@@ -23,32 +23,32 @@ pub enum State {
     Aborting,
     /// All frames are there.
     Finished,
-    /// Something went wrong.
+    /// Ended by an error.
     Failed,
 }
 
-/// What changes the state: wishes from outside, and what the engine reports.
+/// Inputs of the state machine: user requests, and reports of the engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
-    /// Begin.
+    /// Request: begin.
     Start,
-    /// Wait after the frames in progress.
+    /// Request: pause after the frames in progress.
     Pause,
-    /// Go on.
+    /// Request: continue.
     Resume,
-    /// End after the frames in progress.
+    /// Request: stop after the frames in progress.
     Stop,
-    /// End now.
+    /// Request: stop at once.
     Abort,
-    /// The engine: what was wished is the case.
+    /// Engine: the requested state is reached.
     Settled,
-    /// The engine: all frames are there.
+    /// Engine: all frames are captured.
     Done,
-    /// The engine: something went wrong.
+    /// Engine: an error occurred.
     Fault,
 }
 
-/// Every transition there is; anything else is refused.
+/// All valid transitions; any other is rejected.
 pub const TABLE: &[(State, Input, State)] = {
     use {Input as I, State as S};
     &[
@@ -82,7 +82,7 @@ pub const TABLE: &[(State, Input, State)] = {
     ]
 };
 
-/// Where a run is, for those who watch and steer it.
+/// State of a run, for observation and control.
 pub struct Control {
     state: watch::Sender<State>,
     dark: watch::Sender<bool>,
@@ -95,15 +95,15 @@ impl Default for Control {
 }
 
 impl Control {
-    /// The state now.
+    /// Present state.
     pub fn state(&self) -> State {
         *self.state.borrow()
     }
 
-    /// Goes where the table says.
+    /// Performs the transition for an input.
     ///
     /// # Errors
-    /// The state, when the table has no such transition; nothing changes then.
+    /// The unchanged state, if the table has no such transition.
     pub fn send(&self, input: Input) -> Result<State, State> {
         let mut outcome = Err(self.state());
         self.state.send_if_modified(|state| {
@@ -114,25 +114,25 @@ impl Control {
         outcome
     }
 
-    /// The engine: the run has ended as far as light is concerned.
+    /// Called by the engine when the light is finally off.
     pub fn set_dark(&self) {
         self.dark.send_replace(true);
     }
 
-    /// Waits until the run's light is off for good.
+    /// Waits until the run's light is finally off.
     pub async fn is_dark(&self) {
-        // The sender lives as long as `self`.
+        // The sender lives as long as `self`, so this cannot fail.
         let _ = self.dark.subscribe().wait_for(|dark| *dark).await;
     }
 
-    /// Waits until the state is as wanted; returns it.
+    /// Waits for a state that satisfies `wanted`; returns it.
     pub async fn until(&self, wanted: impl Fn(State) -> bool) -> State {
         let mut states = self.state.subscribe();
-        // The sender lives as long as `self`.
+        // The sender lives as long as `self`, so this cannot fail.
         states.wait_for(|s| wanted(*s)).await.map_or(State::Failed, |s| *s)
     }
 
-    /// A stream of the states from now on.
+    /// Stream of state changes.
     pub fn subscribe(&self) -> watch::Receiver<State> {
         self.state.subscribe()
     }
@@ -155,7 +155,7 @@ mod tests {
         for t in TABLE {
             assert!(reached.contains(&t.0) && reached.contains(&t.2));
         }
-        // From everywhere but its ends, a run can be aborted and can fail.
+        // A run can be aborted and can fail in every state except its final ones.
         for state in [State::Running, State::Pausing, State::Paused, State::Resuming, State::Stopping] {
             assert!([Input::Abort, Input::Fault].iter().all(|i| TABLE.iter().any(|t| (t.0, t.1) == (state, *i))));
         }

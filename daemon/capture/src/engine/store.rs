@@ -1,4 +1,4 @@
-//! The storing end of a run, on its own thread: while the bench moves on, frames are averaged, encoded and stored.
+//! Storage thread of a run: averages, encodes and stores frames while the bench continues.
 
 use super::Observer;
 use crate::failure::Failure;
@@ -13,59 +13,59 @@ use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
 
-/// What the engine sends to be stored.
+/// Message from the engine to the storage thread.
 pub enum Message {
     /// A frame.
     Shot(Shot),
-    /// Something for the journal.
+    /// An entry for the journal.
     Note(Entry),
-    /// Answers when everything before is stored.
+    /// Requests an answer once all earlier messages are stored.
     Flush(oneshot::Sender<()>),
-    /// All frames are taken.
+    /// All frames are captured.
     Finish(Timing),
 }
 
-/// A frame as it comes from the camera.
+/// A captured frame.
 pub struct Shot {
-    /// Which step.
+    /// Index of the step.
     pub index: usize,
-    /// What the camera gave.
+    /// Sum of the camera's frames.
     pub sum: Averaging,
-    /// Its file, and why it is fresh.
+    /// File name, and evidence of freshness.
     pub evidence: Commit,
 }
 
-/// A frame of the series that is stored for good, for those who work with it at once.
+/// A durably stored frame of the series, for immediate processing.
 pub struct Arrival {
-    /// Its number in the series.
+    /// Index in the series.
     pub index: usize,
-    /// As `frames.json` describes it, with exposure and gain as the camera set them.
+    /// Description as in `frames.json`, with exposure and gain as set by the camera.
     pub frame: nacre_frames::Frame,
 }
 
-/// Everything that the storing end needs to know.
+/// State of the storage thread.
 pub struct Store<'a, D: Disk> {
-    /// Where it all goes.
+    /// Session that receives the frames.
     pub session: Session<D>,
-    /// What the session is.
+    /// Description of the session.
     pub description: &'a SessionFile,
-    /// Its steps, as far as they are known.
+    /// Steps known so far.
     pub steps: Vec<Step>,
-    /// What was added to the series.
+    /// Additions to the series.
     pub chosen: Vec<Added>,
-    /// What the camera is.
+    /// Description of the camera.
     pub camera: CameraInfo,
-    /// Told of everything that is stored.
+    /// Observer, informed of every stored frame.
     pub observer: &'a dyn Observer,
-    /// Told of every stored frame of the series.
+    /// Receives every stored frame of the series.
     pub arrivals: std::sync::mpsc::Sender<Arrival>,
 }
 
 impl<D: Disk> Store<'_, D> {
-    /// Stores what comes until nothing more does.
+    /// Stores messages until the channel closes.
     ///
     /// # Errors
-    /// `Output` when the disk refuses; what came before is stored, and the session can be resumed.
+    /// `Output` if the disk refuses; earlier frames are stored, and the session can be resumed.
     pub fn run(mut self, mut queue: mpsc::Receiver<Message>) -> Result<(), Failure> {
         while let Some(message) = queue.blocking_recv() {
             let result = match message {
@@ -78,7 +78,7 @@ impl<D: Disk> Store<'_, D> {
                 }
             };
             if let Err(failure) = result {
-                // A disk that refused may refuse this too; the failure itself is what counts.
+                // A failing disk may also refuse this entry; the original failure is returned.
                 let _ = self.session.record(Entry::stopped(&failure));
                 return Err(failure);
             }
@@ -97,7 +97,7 @@ impl<D: Disk> Store<'_, D> {
         Ok(())
     }
 
-    /// Tells of frames that are there already.
+    /// Announces frames stored by an earlier run.
     pub fn announce_stored(&self, missing: &[bool]) {
         for (i, _) in missing.iter().enumerate().filter(|(_, missing)| !**missing) {
             self.observer.step();
@@ -110,7 +110,7 @@ impl<D: Disk> Store<'_, D> {
     fn announce(&self, index: usize, commit: &Commit) {
         if self.steps[index].role == Role::Series {
             let extras = self.steps.iter().take_while(|s| s.role != Role::Series).count();
-            // Nobody may be listening.
+            // The receiver may be gone.
             let frame = described(&self.description.plan, &self.steps, &self.steps[index], commit.controls());
             let _ = self.arrivals.send(Arrival { index: index - extras, frame });
         }
@@ -144,12 +144,12 @@ impl<D: Disk> Store<'_, D> {
     }
 }
 
-/// Means are stored with as many extra levels as 16 bits hold.
+/// Factor on the values of stored means, which uses the full range of 16 bits to preserve extra levels.
 fn stored_factor(camera: &CameraInfo, average: u32) -> u32 {
     if average == 1 { 1 } else { (u32::from(u16::MAX) / u32::from(camera.white).max(1)).max(1) }
 }
 
-/// One frame of the series as `frames.json` describes it; `steps` are those of the plan.
+/// Description of one frame of the series as in `frames.json`; `steps` are those of the plan.
 fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f64)) -> nacre_frames::Frame {
     let kind = session::frames_kind(plan.kind);
     let free = kind == Kind::Free;
@@ -177,7 +177,7 @@ fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f
     }
 }
 
-/// Whether one dark photograph belongs to all frames.
+/// True if one dark photograph applies to all frames.
 fn has_one_exposure(plan: &Plan) -> bool {
     plan.kind == PlanKind::Polarization && plan.exposures_ms.is_empty()
 }
@@ -187,7 +187,7 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<nac
     let (plan, setup) = (&description.plan, &description.setup);
     let count = plan.camera.average;
     let factor = f64::from(stored_factor(camera, count));
-    // A mean of n frames has n times the electrons and √n times the read noise of one.
+    // A mean of n frames corresponds to n times the electrons and √n times the read noise.
     let n = f64::from(count);
     let noise = camera.full_scale_e.zip(camera.read_noise_e);
     FrameSet {
@@ -204,7 +204,7 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<nac
     }
 }
 
-/// The same distances, with the place of the camera over the region of interest.
+/// The distances, with the camera position relative to the region of interest.
 fn over(geometry: Distances, plan: &Plan, camera: &CameraInfo) -> Distances {
     let (Some([left, top, ..]), Some(pixel_um)) = (plan.camera.roi, geometry.pixel_um) else { return geometry };
     let middle = [camera.width, camera.height].map(|side| 0.5 * side as f64);

@@ -1,4 +1,4 @@
-//! Takes a plan's frames: brings the bench into each state, takes what is fresh, hands it on.
+//! Bench control of a run: sets each state, captures fresh frames, and passes them to storage.
 
 use super::hands::Hands;
 use super::series::Decision;
@@ -15,43 +15,43 @@ use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{Sender, UnboundedReceiver};
 use tokio::sync::oneshot;
 
-/// A step that goes wrong in a way that may pass is tried this often in all.
+/// Maximum number of attempts at a step after transient errors.
 const ATTEMPTS: u32 = 3;
 
-/// An analyser within this angle of where it stood was not moved: stages repeat an angle to some hundredths of a degree,
-/// and 0.1° changes the light behind the analyser by less than 0.4 % of its mean.
+/// Tolerance for an unmoved analyser: stages repeat an angle to a few hundredths of a degree, and 0.1° changes the
+/// transmitted light by less than 0.4 % of its mean.
 const UNMOVED_DEG: f64 = 0.1;
 
-/// How a series goes on, as it is decided.
+/// Decisions about the continuation of a series.
 pub type Decisions = UnboundedReceiver<nacre_base::Result<Decision>>;
 
-/// One run through a plan.
+/// State of a run through a plan.
 pub struct Taker<'a> {
-    /// The devices.
+    /// Device commands.
     pub hands: Hands<'a>,
-    /// What must hold meanwhile.
+    /// Interlocks.
     pub watch: &'a Watch,
-    /// Who steers.
+    /// Control of the run.
     pub control: &'a Control,
-    /// What is to be done.
+    /// Plan of the session.
     pub plan: &'a Plan,
-    /// Exposure of steps that name none.
+    /// Exposure of steps without a stated one.
     pub exposure: Duration,
-    /// Where frames and notes go.
+    /// Receives frames and journal entries.
     pub out: Sender<Message>,
-    /// Time spent in pauses, on the clock on the wall.
+    /// Duration of pauses on the wall clock.
     pub paused: Duration,
-    /// The devices are in a known state.
+    /// True if the devices are in a known state.
     pub prepared: bool,
 }
 
-/// Runs `work` until it ends, an interlock opens or somebody aborts, whichever comes first.
+/// Runs `work` until it ends, an interlock opens or the run is aborted, whichever comes first.
 pub async fn guarded<T>(
     watch: &Watch,
     control: &Control,
     work: impl Future<Output = Result<T, Failure>>,
 ) -> Result<T, Failure> {
-    // Nothing moves before the interlocks are known to hold.
+    // No device moves before the interlocks are known to hold.
     watch.check().await?;
     tokio::select! {
         biased;
@@ -62,14 +62,13 @@ pub async fn guarded<T>(
 }
 
 impl Taker<'_> {
-    /// Takes all groups of which a frame is missing. The light is off afterwards, come what may.
+    /// Captures all groups with missing frames. The light is switched off afterwards in any case.
+    ///
+    /// For an adaptive series, `further` then supplies the additions so far and the channel of decisions.
     ///
     /// # Errors
-    /// A device's or interlock's, with the step it belongs to; `Cancelled` when somebody stopped the run; `Cancelled` also
-    /// when frames cannot be stored any more, which the other end knows more about.
-    ///
-    /// Then, for a series that goes on until enough is known, `further` has what was added so far, and where to learn how it
-    /// goes on.
+    /// Those of devices and interlocks, with the step; `Cancelled` if the run was stopped. `Cancelled` also if frames
+    /// can no longer be stored; the storage thread reports the cause.
     pub async fn take_all(
         &mut self,
         steps: &[Step],
@@ -99,7 +98,7 @@ impl Taker<'_> {
         Ok(())
     }
 
-    /// Takes what is decided until the series is to end.
+    /// Captures the decided additions until the series ends.
     async fn take_further(&mut self, mut chosen: Vec<Added>, decisions: &mut Decisions) -> Result<(), Failure> {
         loop {
             let decision = async {
@@ -113,7 +112,7 @@ impl Taker<'_> {
                         SoFar::Fringes(f) => (None, f.undecided),
                     };
                     let known = self.plan.steps_with(&chosen).len();
-                    // The journal has it before any of its frames, so that a resumed session takes the same.
+                    // Written to the journal before any of its frames, so that a resumed session captures the same.
                     self.note(Entry::Chosen { added, sigma_deg, undecided }).await?;
                     chosen.push(added);
                     let steps = self.plan.steps_with(&chosen);
@@ -127,7 +126,7 @@ impl Taker<'_> {
         }
     }
 
-    /// Waits while the run is paused; `Cancelled` when it is to stop.
+    /// Waits while the run is paused; `Cancelled` if it must stop.
     async fn go_on(&mut self) -> Result<(), Failure> {
         loop {
             match self.control.state() {
@@ -137,10 +136,10 @@ impl Taker<'_> {
                     self.hands.dark().await?;
                     self.hands.stopwatch.pause();
                     self.prepared = false;
-                    // A paused session has stored all frames that were taken.
+                    // A paused session has stored all captured frames.
                     self.flush().await;
-                    // Before the event of the pause, so that a client that hears of it sees the state `paused`. A wish that came
-                    // meanwhile is seen in the next turn of the loop.
+                    // Before the pause event, so that clients that receive it see the state `paused`. A request that
+                    // came meanwhile is handled in the next iteration.
                     let _ = self.control.send(Input::Settled);
                     self.note(Entry::Paused).await?;
                     self.flush().await;
@@ -158,7 +157,7 @@ impl Taker<'_> {
         }
     }
 
-    /// Takes one group, again if what went wrong may pass.
+    /// Captures one group, with retries after transient errors.
     async fn patiently(&mut self, group: &[Step], first: usize) -> Result<(), Failure> {
         let mut first_failure = None;
         for attempt in 1.. {
@@ -177,11 +176,11 @@ impl Taker<'_> {
                 return Err(failure.at(step));
             }
             if attempt == ATTEMPTS {
-                // What went wrong first says more than what followed from it.
+                // The first failure is the most informative.
                 return Err(first_failure.unwrap_or(failure).at(&format!("{step} (tried {ATTEMPTS} times)")));
             }
             self.prepared = false;
-            // The preparation of the next attempt switches the light off too, and says so if it cannot.
+            // The preparation of the next attempt switches the light off too, and reports failures.
             let _ = self.hands.dark().await;
             self.note(Entry::Retried { reason: format!("{step}: {failure}") }).await?;
             first_failure.get_or_insert(failure);
@@ -189,7 +188,7 @@ impl Taker<'_> {
         Ok(())
     }
 
-    /// Waits until everything so far is stored. Whoever stores may have given up, and says why itself.
+    /// Waits until all earlier messages are stored. The storage thread reports its own failures.
     pub async fn flush(&self) {
         let (flushed, flush) = oneshot::channel();
         let _ = self.out.send(Message::Flush(flushed)).await;
@@ -201,7 +200,7 @@ impl Taker<'_> {
     }
 }
 
-/// Brings the devices into a known state: at first, after a pause, and after a failure.
+/// Brings the devices into a known state: at the start, after a pause, and after a failure.
 pub(super) async fn prepare(hands: &mut Hands<'_>, plan: &Plan) -> Result<(), Failure> {
     hands.prepare(plan.turns()).await?;
     if !plan.turns() {
@@ -210,11 +209,11 @@ pub(super) async fn prepare(hands: &mut Hands<'_>, plan: &Plan) -> Result<(), Fa
     Ok(())
 }
 
-/// Learns where an analyser stands that the plan does not turn, or compares it with where it stood at the frames before.
-/// A person is asked to turn it back; a stage is not moved, since such a plan leaves it alone.
+/// Records the angle of an analyser that the plan does not rotate, or compares it with the angle at earlier frames. A
+/// person is asked to rotate it back; a stage is not moved, because such a plan must not move it.
 async fn compare_analyser(hands: &mut Hands<'_>) -> DeviceResult<()> {
     let Some(stood) = hands.stood else {
-        // A stage that cannot say it is no reason to refuse a plan that does not need it.
+        // A plan that does not need the stage must not fail if the stage cannot report its angle.
         hands.stood = hands.position().await.ok().filter(|at| at.is_finite());
         return Ok(());
     };
@@ -230,7 +229,7 @@ async fn compare_analyser(hands: &mut Hands<'_>) -> DeviceResult<()> {
         .remedy(format!("turn the analyser back to {stood:.3}°, then resume the session")))
 }
 
-/// Brings the bench into the group's state and takes its frames, one after the other.
+/// Sets the state of the group and captures its frames in sequence.
 async fn take(
     hands: &mut Hands<'_>,
     watch: &Watch,
@@ -255,7 +254,7 @@ async fn take(
         let shot = shoot(hands, plan, step, first + i).await?;
         watch.check().await?;
         waiting.push(shot);
-        // Under the flash nothing waits for a slow disk.
+        // With the flash on, capture does not wait for a slow disk.
         if !state.flash {
             send(out, &mut waiting).await?;
         }
@@ -275,7 +274,7 @@ async fn send(out: &Sender<Message>, shots: &mut Vec<Shot>) -> Result<(), Failur
     Ok(())
 }
 
-/// A step's frame, several when the plan averages, with the evidence that it is fresh.
+/// Captures a step's frame (several if the plan averages), with evidence of freshness.
 async fn shoot(hands: &mut Hands<'_>, plan: &Plan, step: &Step, index: usize) -> Result<Shot, Failure> {
     let (mut frame, dropped) = hands.fresh().await?;
     let mut sum = Averaging::new(frame.width, &frame.codes);

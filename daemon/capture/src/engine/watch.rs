@@ -1,13 +1,13 @@
-//! Interlocks: levels that must hold while anything moves or shines.
+//! Interlocks: conditions that must hold while anything moves or emits light.
 
 use nacre_drivers::{Class, DeviceError, DeviceResult, Interlock};
 use std::time::Duration;
 use tokio::sync::Mutex;
 
-/// How often the levels are read.
+/// Polling interval of the interlocks.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// Watches interlocks. What opened and closed again counts as open until somebody says that all is well.
+/// Monitors interlocks. An interlock that opened and closed again counts as open until it is acknowledged.
 #[derive(Default)]
 pub struct Watch {
     interlocks: Mutex<Vec<Watched>>,
@@ -15,21 +15,21 @@ pub struct Watch {
 
 struct Watched {
     interlock: Box<dyn Interlock>,
-    /// Changes counted when all was well.
+    /// Number of changes at the last acknowledgement.
     changes: Option<u64>,
 }
 
 impl Watch {
-    /// Watches these.
+    /// Monitors these interlocks.
     pub fn new(interlocks: Vec<Box<dyn Interlock>>) -> Self {
         let watched = interlocks.into_iter().map(|interlock| Watched { interlock, changes: None });
         Self { interlocks: Mutex::new(watched.collect()) }
     }
 
-    /// Looks at all of them once.
+    /// Checks all interlocks once.
     ///
     /// # Errors
-    /// `Stop` when one does not hold, did not hold since the watch began, or does not answer.
+    /// `Stop` if one is open, was open since the last acknowledgement, or does not answer.
     pub async fn check(&self) -> DeviceResult<()> {
         for watched in self.interlocks.lock().await.iter_mut() {
             watched.check().await?;
@@ -37,7 +37,7 @@ impl Watch {
         Ok(())
     }
 
-    /// Returns as soon as one does not hold.
+    /// Returns as soon as an interlock opens.
     pub(crate) async fn broken(&self) -> DeviceError {
         loop {
             if let Err(error) = self.check().await {
@@ -47,12 +47,12 @@ impl Watch {
         }
     }
 
-    /// What opened while nothing moved or shone is forgotten; the next look begins a new watch.
+    /// Acknowledges interlocks that opened while nothing moved or emitted light; the next check starts afresh.
     pub async fn begin_again(&self) {
         self.interlocks.lock().await.iter_mut().for_each(|watched| watched.changes = None);
     }
 
-    /// Identities, and whether each holds now; none for one that does not answer.
+    /// Identities, and the present state of each; `None` for one that does not answer.
     pub async fn levels(&self) -> Vec<(String, Option<bool>)> {
         let mut levels = vec![];
         for watched in self.interlocks.lock().await.iter_mut() {
@@ -62,7 +62,7 @@ impl Watch {
         levels
     }
 
-    /// Identities.
+    /// Identities of the interlocks.
     pub async fn ids(&self) -> Vec<String> {
         self.interlocks.lock().await.iter().map(|w| w.interlock.describe().id).collect()
     }

@@ -1,13 +1,13 @@
-//! The guardian of the flash: a child process that holds the flash device and switches it off when its owner is killed.
-//! Owner and guardian watch each other while the light may be on. They exchange JSON lines over the guardian's standard
+//! Guardian of the flash: a child process that holds the flash device and switches it off if its owner is killed. Owner
+//! and guardian monitor each other while the light may be on. They exchange JSON lines over the guardian's standard
 //! streams.
 //!
-//! The guardian switches the light off when it starts, when its pipe closes, when it hears nothing from its owner for 0.4 s,
-//! after the flash's longest on-time, and on SIGTERM.
+//! The guardian switches the light off when it starts, when its pipe closes, and on SIGTERM. It also does so after 0.4
+//! s without a message from its owner, and after the maximum on-time of the flash.
 //!
-//! The owner (`GuardedFlash`) waits for the answer to every request, but not for ever. When the guardian has ended, answers
-//! no heartbeat for 0.25 s, or exceeds the time limit of a request, the owner kills it and starts another one, which switches the
-//! light off when it starts.
+//! The owner (`GuardedFlash`) waits for the answer to every request, with a time limit. It kills a guardian that has
+//! ended, answers no heartbeat for 0.25 s, or exceeds the time limit of a request. It then starts another one, which
+//! switches the light off.
 
 mod owner;
 
@@ -25,25 +25,25 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 
-/// The guardian switches the light off when it hears nothing from its owner for this long.
+/// Time without a message from the owner after which the guardian switches the light off.
 const SILENCE: Duration = Duration::from_millis(400);
 
-/// Pause before another attempt to switch off.
+/// Pause between attempts to switch off.
 const AGAIN: Duration = Duration::from_millis(50);
 
-/// Attempts to switch off end after this.
+/// Time limit of attempts to switch off.
 const LAST_TRY: Duration = Duration::from_secs(10);
 
-/// A request of the owner.
+/// Request of the owner.
 #[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Ask {
     Describe,
     Switch(bool),
     IsOn,
-    /// The owner is alive. Answered at once, also while the device is waited for.
+    /// Heartbeat of the owner. Answered at once, even while the guardian waits for the device.
     Beat,
-    /// Switch off and exit, which is the answer.
+    /// Switch off and exit; the exit is the answer.
     End,
 }
 
@@ -56,13 +56,13 @@ enum Answer {
     Alive,
 }
 
-/// Which flash a guardian holds.
+/// Flash held by a guardian.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Guarded {
-    /// That of the simulated bench behind a socket.
+    /// Flash of the simulated bench behind a socket.
     Bench(PathBuf),
-    /// A device of this machine.
+    /// Device of this machine.
     Device(FlashConfig),
 }
 
@@ -70,7 +70,7 @@ impl Guarded {
     /// Opens the flash itself.
     ///
     /// # Errors
-    /// As its driver answers.
+    /// Those of its driver.
     pub fn open(&self) -> DeviceResult<Box<dyn Flash>> {
         match self {
             Self::Bench(socket) => Ok(Box::new(SimDevice::new(Box::new(RemoteBench::connect(socket)?))?)),
@@ -87,12 +87,12 @@ impl Guarded {
 
 enum Event {
     Asked(Ask),
-    /// The owner asked for it, the pipe closed, or SIGTERM came.
+    /// Requested by the owner, by a closed pipe, or by SIGTERM.
     End,
 }
 
-/// Runs the guardian on this process's standard streams until they close; `open` opens the flash, again after its link
-/// was lost.
+/// Runs the guardian on standard input and output until they close; `open` opens the flash, and reopens it after a lost
+/// connection.
 ///
 /// # Errors
 /// The flash cannot be opened, or cannot be switched off at the end.
@@ -109,7 +109,7 @@ pub fn run(open: impl Fn() -> DeviceResult<Box<dyn Flash>>) -> DeviceResult<()> 
     });
     let mut guard = match begun {
         Ok(guard) => guard,
-        // Whoever started it is the one to say so.
+        // The parent process reports the error.
         Err(error) => return say(&Err(error.clone())).map_err(|_| error),
     };
     loop {
@@ -130,7 +130,7 @@ pub fn run(open: impl Fn() -> DeviceResult<Box<dyn Flash>>) -> DeviceResult<()> 
 
 /// Reads requests until the pipe closes.
 fn listen(tell: &Sender<Event>) {
-    // Also nonsense ends it: whoever sent it is not to be trusted with light.
+    // An invalid request ends the guardian, too, because its sender cannot be trusted with the light.
     for line in std::io::stdin().lines().map_while(Result::ok) {
         let told = match serde_json::from_str(&line) {
             Ok(Ask::End) => tell.send(Event::End).is_ok(),
@@ -156,7 +156,7 @@ struct Guard<O> {
     flash: Box<dyn Flash>,
     open: O,
     runtime: Runtime,
-    /// Since when the light is on.
+    /// Time at which the light was switched on.
     lit: Option<Instant>,
     beat: Instant,
 }
@@ -165,7 +165,7 @@ impl<O: Fn() -> DeviceResult<Box<dyn Flash>>> Guard<O> {
     fn answer(&mut self, ask: Ask) -> DeviceResult<Answer> {
         match ask {
             Ask::Switch(on) => {
-                // On from before the command, so that no answer is needed for it to be switched off.
+                // Set before the command, so that the light is switched off even without its answer.
                 let since = Instant::now();
                 self.lit = if on { Some(self.lit.unwrap_or(since)) } else { self.lit };
                 let switched = self.runtime.block_on(self.flash.switch(on))?;
@@ -177,7 +177,7 @@ impl<O: Fn() -> DeviceResult<Box<dyn Flash>>> Guard<O> {
         }
     }
 
-    /// How long nothing may be heard.
+    /// Maximum time to wait for a message.
     fn patience(&self) -> Duration {
         let Some(lit) = self.lit else { return Duration::from_secs(3600) };
         let longest = Duration::from_secs_f64(self.flash.describe().max_on_s.clamp(0.0, 1e6));
@@ -185,7 +185,7 @@ impl<O: Fn() -> DeviceResult<Box<dyn Flash>>> Guard<O> {
         ends.saturating_duration_since(Instant::now())
     }
 
-    /// Switches off, over a new link if the old one is lost.
+    /// Switches off, over a new connection if the old one is lost.
     fn off_for_sure(&mut self) -> DeviceResult<()> {
         let begun = Instant::now();
         loop {

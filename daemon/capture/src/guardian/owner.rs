@@ -1,4 +1,4 @@
-//! The owner's side: the flash behind its guardian, and the thread that supervises the guardian.
+//! Owner's side of the guardian: the flash, and the thread that supervises the guardian.
 
 use super::{AGAIN, Answer, Ask, Guarded, LAST_TRY};
 use async_trait::async_trait;
@@ -11,27 +11,27 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Interval of heartbeats while the light may be on or an answer is waited for.
+/// Interval of heartbeats while the light may be on or an answer is pending.
 const BEAT: Duration = Duration::from_millis(50);
 
-/// A guardian hangs when it leaves more than this many heartbeats in a row unanswered while the light may be on. Heartbeats are
-/// counted, not the time: an owner that is short of time itself sends fewer.
+/// Maximum number of consecutive unanswered heartbeats while the light may be on; beyond it the guardian is considered
+/// hung. Heartbeats are counted rather than time, because an overloaded owner sends fewer.
 const MISSED_LIT: u32 = 4;
 
-/// The same in the dark, where nothing is urgent and a busy machine may take its time,
+/// As `MISSED_LIT`, in the dark, where a busy machine may be slow without risk.
 const MISSED_DARK: u32 = 20;
 
-/// and for a process that is still loading.
+/// As `MISSED_LIT`, for a process that is still loading.
 const MISSED_LOADING: u32 = 200;
 
-/// Time limit of a request to a device, beyond the settling time of the lamp. Drivers give up earlier, with an error that names
-/// the device.
+/// Time limit of a request to a device, in addition to the lamp's settling time. Drivers give up earlier, with an error
+/// that names the device.
 const ANSWER: Duration = Duration::from_secs(6);
 
-/// The same for the flash of a simulated bench, which may have to render first.
+/// As `ANSWER`, for the flash of a simulated bench, which may have to render first.
 const RENDERED: Duration = Duration::from_secs(30);
 
-/// Longest wait for the exit of a process that was killed or has closed its pipe.
+/// Maximum wait for the exit of a process that was killed or has closed its pipe.
 const EXIT: Duration = Duration::from_secs(1);
 
 /// A guardian process, killed when dropped.
@@ -51,7 +51,7 @@ impl Guardian {
             .arg(described)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            // Ctrl-C is for the owner, which then ends the guardian.
+            // Ctrl-C reaches the owner only, which then ends the guardian.
             .process_group(0)
             .spawn()
             .map_err(|e| failed(&e))?;
@@ -76,13 +76,13 @@ impl Guardian {
         }
     }
 
-    /// Sends a request and waits for its answer, which may be the error of a device.
+    /// Sends a request and waits for its answer, which may be a device error.
     ///
     /// # Errors
-    /// The guardian is lost; the text says what came instead of an answer.
+    /// The guardian is lost; the text describes the event that occurred instead of an answer.
     fn ask(&mut self, ask: Ask, limit: Duration, most_missed: u32) -> Result<DeviceResult<Answer>, String> {
         let ended = || "the end of its process".to_owned();
-        // Answers to earlier heartbeats.
+        // Discards answers to earlier heartbeats.
         self.answers.try_iter().for_each(drop);
         self.send(ask).map_err(|_| ended())?;
         let (begun, mut missed) = (Instant::now(), 0);
@@ -106,7 +106,7 @@ impl Guardian {
         self.asks.write_all(line.as_bytes())
     }
 
-    /// How the process ended, if it has.
+    /// Exit status of the process, if it has ended.
     fn exited(&mut self, patience: Duration) -> Option<ExitStatus> {
         let begun = Instant::now();
         loop {
@@ -125,7 +125,7 @@ impl Drop for Guardian {
     }
 }
 
-/// Time limit of a request, apart from the settling time.
+/// Time limit of a request, excluding the settling time.
 fn limit(guarded: &Guarded) -> Duration {
     match guarded {
         Guarded::Bench(_) => RENDERED,
@@ -133,26 +133,26 @@ fn limit(guarded: &Guarded) -> Duration {
     }
 }
 
-/// A request, and where its answer goes.
+/// A request, and the channel for its answer.
 type Asked = (Ask, Sender<DeviceResult<Answer>>);
 
-/// Passes requests on, and replaces a guardian that is lost.
+/// Forwards requests, and replaces a lost guardian.
 struct Supervisor {
     guarded: Guarded,
     guardian: Guardian,
-    /// Time limit of a request, settling time included.
+    /// Time limit of a request, including settling time.
     limit: Duration,
-    /// The light may be on.
+    /// True if the light may be on.
     lit: bool,
-    /// Why the light is off that should be on: its guardian was lost.
+    /// Reason why the light is off although it should be on: its guardian was lost.
     lost: Option<DeviceError>,
 }
 
 impl Supervisor {
-    /// Passes requests on until their sender is dropped, then ends the guardian.
+    /// Forwards requests until their sender is dropped, then ends the guardian.
     fn serve(mut self, asks: &Receiver<Asked>) {
         loop {
-            // In the dark a guardian that is lost is replaced when it is needed.
+            // In the dark, a lost guardian is replaced on the next request.
             let pause = if self.lit { BEAT } else { Duration::from_secs(3600) };
             match asks.recv_timeout(pause) {
                 Ok((ask, answer)) => drop(answer.send(self.ask(ask))),
@@ -165,7 +165,7 @@ impl Supervisor {
         }
     }
 
-    /// Asks the guardian; after its loss, a new one.
+    /// Sends a request to the guardian, or to a new one after its loss.
     fn ask(&mut self, ask: Ask) -> DeviceResult<Answer> {
         let mut got = String::new();
         for _ in 0..2 {
@@ -184,7 +184,7 @@ impl Supervisor {
                 }
                 Err(instead) => got = instead,
             }
-            // Where no new guardian can be started, there is nothing to send heartbeats to; the caller gets the error.
+            // If no new guardian can be started, there are no heartbeats to send; the caller gets the error.
             let replaced = self.replace();
             self.lit = false;
             replaced?;
@@ -199,7 +199,7 @@ impl Supervisor {
         if self.lit { MISSED_LIT } else { MISSED_DARK }
     }
 
-    /// Kills the guardian and starts another, which switches the light off.
+    /// Kills the guardian and starts another one, which switches the light off.
     fn replace(&mut self) -> DeviceResult<()> {
         let begun = Instant::now();
         let _ = self.guardian.child.kill();
@@ -210,7 +210,8 @@ impl Supervisor {
                         self.guardian = next;
                         return Ok(());
                     }
-                    // The kernel may still carry out its last command: start again, which switches off again, after its end.
+                    // The kernel may still execute its last command, so the replacement must start, and switch off,
+                    // after its end.
                     lost("end", "a process that cannot be killed")
                 }
                 Err(error) => error,
@@ -222,10 +223,10 @@ impl Supervisor {
         }
     }
 
-    /// Has the guardian switch off and exit. Returns false when it hung or was killed.
+    /// Requests the guardian to switch off and exit. Returns false if it hung or was killed.
     fn end(&mut self) -> bool {
         let _ = self.guardian.ask(Ask::End, LAST_TRY + self.limit, self.most_missed());
-        // Its stream ends a moment before its process does.
+        // Its stream ends shortly before its process does.
         self.guardian.exited(EXIT).is_some_and(|status| status.code().is_some())
     }
 }
@@ -234,13 +235,13 @@ fn lost(command: &str, got: &str) -> DeviceError {
     DeviceError::new("flash guardian", command, "an answer", got).remedy("resume the session").class(Class::Retry)
 }
 
-/// The flash behind its guardian.
+/// A flash controlled through its guardian.
 pub struct GuardedFlash {
-    /// Ends the supervisor when dropped.
+    /// Dropping the sender ends the supervisor.
     asks: Option<Sender<Asked>>,
     supervisor: Option<JoinHandle<()>>,
     info: FlashInfo,
-    /// Times the switching of a device of this machine, whose guardian knows no other clock than the machine's.
+    /// Clock for a device of this machine, whose guardian knows only the system's clock.
     clock: Option<Arc<dyn Clock>>,
 }
 
@@ -248,7 +249,7 @@ impl GuardedFlash {
     /// Starts a guardian for a flash. Times reported for a device of this machine are on `clock`.
     ///
     /// # Errors
-    /// It cannot be started, or cannot reach the flash.
+    /// It cannot be started, or cannot connect to the flash.
     pub fn start(guarded: &Guarded, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
         let (guardian, info) = Guardian::start(guarded)?;
         let limit = limit(guarded) + Duration::from_secs_f64(info.settling_s.clamp(0.0, 1e6));

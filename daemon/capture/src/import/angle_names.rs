@@ -1,11 +1,11 @@
-//! Analyser angles in the names of photographs.
+//! Analyser angles from the names of photographs.
 //!
-//! All names of a series are read together, because `x-45` alone does not say whether its dash is a sign. Names that can be read in two
-//! ways are refused: a wrong angle gives a wrong map.
+//! All names of a series are parsed together, because in `x-45` alone the dash may be a sign or a separator. Ambiguous
+//! names are rejected, since a wrong angle gives a wrong map.
 
 use std::path::{Path, PathBuf};
 
-/// Signs directly before a number (in lower case), and whether they make it negative.
+/// Signs directly before a number (in lower case), and true for negative ones.
 const SIGNS: [(&str, bool); 13] = [
     ("", false),
     ("+", false),
@@ -22,34 +22,34 @@ const SIGNS: [(&str, bool); 13] = [
     ("minus", true),
 ];
 
-/// Senses of rotation, which are not read as signs.
+/// Senses of rotation, which are not parsed as signs.
 const SENSES: [&str; 2] = ["cw", "ccw"];
 
-/// The minus sign of typesetting, which nobody uses as a separator.
+/// Typographic minus sign, which never serves as a separator.
 const MINUS: &str = "\u{2212}";
 
-/// Characters between two digits that make them one decimal number: `22.5`, `22,5`, `22p5`.
+/// Characters between two digits that form a decimal number: `22.5`, `22,5`, `22p5`.
 const DECIMAL_MARKS: [&str; 3] = [".", ",", "p"];
 
-/// Endings of fractions that divide a turn evenly: after `_`, `-` or the like they may be decimals.
+/// Decimal places of even divisions of a turn: after `_`, `-` or similar characters they may be decimals.
 const FRACTIONS: [&str; 7] = ["5", "25", "75", "125", "375", "625", "875"];
 
-/// Units of numbers that are no angles in degrees.
+/// Units of numbers that are not angles in degrees.
 const OTHER_UNITS: [&str; 26] = [
     "ns", "us", "µs", "μs", "ms", "s", "sec", "min", "nm", "um", "µm", "μm", "mm", "cm", "px", "bit", "bits", "hz",
     "fps", "ev", "rad", "mrad", "grad", "gon", "mw", "v",
 ];
 
-/// Signs of degrees.
+/// Degree signs.
 const DEGREES: [char; 3] = ['°', 'º', '˚'];
 
-/// Words after degrees of a temperature.
+/// Words that turn degrees into temperatures.
 const TEMPERATURES: [&str; 3] = ["c", "f", "celsius"];
 
-/// A number whose average step is below this many units counts photographs.
+/// Mean step below which a number counts photographs.
 const COUNT_STEP: f64 = 1.5;
 
-/// Most files in a message.
+/// Maximum number of file names in a message.
 const SHOWN: usize = 6;
 
 /// A number in a name.
@@ -63,12 +63,12 @@ struct Number<'a> {
 }
 
 impl Number<'_> {
-    /// Without its sign.
+    /// Absolute value.
     fn value(&self) -> f64 {
         format!("{}.{}", self.whole, self.fraction).parse().unwrap_or(f64::NAN)
     }
 
-    /// Text after a unit of degrees.
+    /// Text after a degree sign or word.
     fn after_degrees(&self) -> Option<&str> {
         let unit = self.after.trim_start_matches(['_', '-', ' ']);
         unit.strip_prefix("deg").or_else(|| unit.strip_prefix(DEGREES))
@@ -84,10 +84,10 @@ impl Number<'_> {
     }
 }
 
-/// Angles in degrees that the names of all these files hold.
+/// Angles in degrees from the names of all these files.
 ///
 /// # Errors
-/// Why there is no reading, or more than one, and of which files.
+/// Why no reading, or more than one, exists, with the file names.
 pub fn angles(files: &[PathBuf]) -> Result<Vec<f64>, String> {
     if files.is_empty() {
         return Err("there is no file".into());
@@ -105,25 +105,26 @@ pub fn angles(files: &[PathBuf]) -> Result<Vec<f64>, String> {
     Ok(signs.into_iter().enumerate().map(of).collect())
 }
 
-/// A name without its ending, in lower case and with one kind of dash and one of minus.
+/// Name without extension, in lower case, with one kind of dash and one kind of minus.
 fn plain(file: &Path) -> String {
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     stem.replace(['\u{2010}', '\u{2011}', '\u{2012}', '\u{2013}'], "-").replace(['\u{fe63}', '\u{ff0d}'], MINUS)
 }
 
-/// The letters that a text begins with.
+/// Letters at the start of a text.
 fn word(text: &str) -> &str {
     &text[..text.find(|c: char| !c.is_alphabetic()).unwrap_or(text.len())]
 }
 
-/// The letters that a text ends with.
+/// Letters at the end of a text.
 fn last_word(text: &str) -> &str {
     &text[text
         .rfind(|c: char| !c.is_alphabetic())
         .map_or(0, |at| at + text[at..].chars().next().map_or(1, char::len_utf8))..]
 }
 
-/// Numbers in a name. Two groups of digits with a decimal mark between them are one, three or more (a date, a version) are not.
+/// Numbers in a name. Two groups of digits with a decimal mark between them form one number; three or more (a date, a
+/// version) do not.
 fn numbers(stem: &str) -> Vec<Number<'_>> {
     let digits = |c: char| c.is_ascii_digit();
     let (mut groups, mut from) = (vec![], 0);
@@ -157,10 +158,10 @@ fn numbers(stem: &str) -> Vec<Number<'_>> {
     (0..spans.len()).map(number).collect()
 }
 
-/// Which number of each name is meant.
+/// Index of the selected number in each name.
 type Column = Vec<usize>;
 
-/// The numbers of all names.
+/// Numbers of all names.
 struct Series<'a> {
     files: &'a [PathBuf],
     names: Vec<Vec<Number<'a>>>,
@@ -175,20 +176,20 @@ impl Series<'_> {
         (0..column.len()).map(|k| self.at(column, k))
     }
 
-    /// The column beside another one, where every name has it.
+    /// Adjacent column, if every name has it.
     fn beside(&self, column: &[usize], step: isize) -> Option<Column> {
         let shifted = column.iter().map(|c| c.checked_add_signed(step));
         shifted.zip(&self.names).map(|(c, numbers)| c.filter(|c| *c < numbers.len())).collect()
     }
 
-    /// A refusal, with the readings of the first files.
+    /// Error message with the readings of the first files.
     fn refuse(&self, why: &str, reading: impl Fn(usize) -> String) -> String {
         let shown = self.files.iter().take(SHOWN).enumerate().map(|(k, f)| format!("{}: {}", f.display(), reading(k)));
         let more = if self.files.len() > SHOWN { "; …" } else { "" };
         format!("{why} ({}{more})", shown.collect::<Vec<_>>().join("; "))
     }
 
-    /// The number that is the angle: the one in degrees, or else the only one that differs and does not count photographs.
+    /// Column of the angle: the one in degrees, otherwise the only one that varies without counting photographs.
     fn column(&self) -> Result<Column, String> {
         let in_degrees: Option<Column> = self
             .names
@@ -230,7 +231,7 @@ impl Series<'_> {
         self.of(column).any(|n| n.value() != first) || self.signs(column).is_ok_and(mixed)
     }
 
-    /// Whether numbers rise by about one from photograph to photograph.
+    /// True if numbers increase by about one from photograph to photograph.
     fn counts(&self, column: &[usize]) -> bool {
         let mut values: Vec<f64> = self.of(column).map(Number::value).collect();
         values.sort_by(f64::total_cmp);
@@ -238,7 +239,7 @@ impl Series<'_> {
         distinct && values[values.len() - 1] - values[0] < COUNT_STEP * values.len() as f64
     }
 
-    /// Refuses numbers that may be decimals of an angle, or an angle that may be the decimals of another number.
+    /// Rejects numbers that may be decimals of an angle, and angles that may be decimals of another number.
     fn check_decimals(&self, column: &[usize]) -> Result<(), String> {
         let first = self.at(column, 0);
         if self.of(column).all(|n| n.whole == first.whole) && self.of(column).any(|n| n.fraction != first.fraction) {
@@ -274,7 +275,7 @@ impl Series<'_> {
         Ok(())
     }
 
-    /// Refuses signs and parts of a number that stand where nothing reads them.
+    /// Rejects signs and parts of numbers in positions where they would be ignored.
     fn check_ends(&self, column: &[usize]) -> Result<(), String> {
         let starts_name = column.iter().all(|c| *c == 0);
         let odd = |n: &Number| {
@@ -299,7 +300,7 @@ impl Series<'_> {
         Ok(())
     }
 
-    /// Which numbers of a column are negative.
+    /// True for each negative number of a column.
     fn signs(&self, column: &[usize]) -> Result<Vec<bool>, String> {
         let before: Vec<&str> = self.of(column).map(|n| n.before).collect();
         let zeros: Vec<bool> = self.of(column).map(|n| n.value() == 0.0).collect();
@@ -318,26 +319,26 @@ impl Series<'_> {
     }
 }
 
-/// Whether the text between two numbers leaves it open whether the second one is decimals of the first.
+/// True if the text between two numbers leaves open whether the second one is decimals of the first.
 fn may_join(between: &str) -> bool {
     let mut chars = between.chars();
     let single = chars.next().filter(|_| chars.next().is_none());
     single.is_some_and(|c| !c.is_alphabetic() || c == 'd')
 }
 
-/// Whether the text between two numbers makes the second one a part of the first: minutes of arc, powers of ten.
+/// True if the text between two numbers makes the second one a part of the first: arc minutes, powers of ten.
 fn always_joins(between: &str) -> bool {
     ["°", "º", "˚", "deg", "e"].contains(&between)
 }
 
-/// Whether numbers with the same text before all of them are negative; None where that text does not tell.
+/// True if numbers with this common preceding text are negative; `None` if the text is ambiguous.
 fn common_sign(before: &str, first: bool, zero: bool) -> Option<bool> {
     let text = before.trim_end_matches(['_', ' ']);
     if text.ends_with(MINUS) || last_word(text) == "minus" {
         return Some(true);
     }
     if ["m", "n", "neg", "negative"].contains(&last_word(text)) {
-        // There is no minus zero, so that this is a name.
+        // There is no negative zero, so the dash belongs to the name.
         return zero.then_some(false);
     }
     let Some(rest) = before.strip_suffix('-') else { return Some(false) };
@@ -346,12 +347,12 @@ fn common_sign(before: &str, first: bool, zero: bool) -> Option<bool> {
         // A dash at the start of a name, or after another separator, is a sign.
         None | Some('_' | '=' | '(' | '[' | '-' | ',' | ';' | ':' | '@') => (!zero).then_some(true),
         Some(' ' | '.') => None,
-        // After a word it separates the number from it.
+        // After a word, it is a separator.
         Some(_) => Some(false),
     }
 }
 
-/// Which numbers are negative, where the text before them differs: by their signs only, or by words as well. None where it does not tell.
+/// Signs of numbers whose preceding texts differ, by their signs only or by words as well; `None` if ambiguous.
 fn own_signs(before: &[&str], zeros: &[bool]) -> Option<Vec<bool>> {
     let common = before.iter().skip(1).fold(before[0], |common, b| {
         let alike = common.chars().zip(b.chars()).take_while(|(x, y)| x == y).map(|(x, _)| x.len_utf8()).sum();
@@ -359,7 +360,7 @@ fn own_signs(before: &[&str], zeros: &[bool]) -> Option<Vec<bool>> {
     });
     let sign = |b: &&str| {
         let mark = &b[common.len()..];
-        // A sign of letters may be set apart from its number.
+        // A sign consisting of letters may be separated from its number.
         let apart = mark.trim_end_matches(['_', ' ']);
         let mark = if apart.ends_with(char::is_alphabetic) { apart } else { mark };
         SIGNS.iter().find(|(text, _)| *text == mark).map(|(_, negative)| *negative)

@@ -32,7 +32,7 @@ fn names_that_are_understood() {
         (&["minus30.png", "minus60.png", "minus90.png"], &[-30.0, -60.0, -90.0]),
         (&["x--45.png", "x-0.png", "x-45.png"], &[-45.0, 0.0, 45.0]),
         (&["-45.png", "45.png", "-45b.png"], &[-45.0, 45.0, -45.0]),
-        // Dashes and letters that are none.
+        // Dashes and letters that are not signs.
         (&["x-0.png", "x-45.png", "x-90.png", "x-135.png"], &[0.0, 45.0, 90.0, 135.0]),
         (&["sample-045.png", "sample-090.png"], &[45.0, 90.0]),
         (&["scan-2-045.png", "scan-2-000.png"], &[45.0, 0.0]),
@@ -50,7 +50,7 @@ fn names_that_are_understood() {
         (&["I0.png", "I22,5.png", "I45.png", "I67.5.png"], &[0.0, 22.5, 45.0, 67.5]),
         (&["000.5.png", "060.5.png"], &[0.5, 60.5]),
         (&["22,5°.png", "67,5 deg.png"], &[22.5, 67.5]),
-        // Other numbers beside them.
+        // Additional numbers.
         (&["IMG_0001_0.png", "IMG_0002_45.png", "IMG_0003_90.png"], &[0.0, 45.0, 90.0]),
         (&["45_10ms.png", "45_20ms.png", "0_10ms.png", "0_20ms.png"], &[45.0, 45.0, 0.0, 0.0]),
         (&["143022_0.png", "143025_45.png", "143101_90.png"], &[0.0, 45.0, 90.0]),
@@ -111,7 +111,7 @@ fn names_that_are_refused() {
     }
 }
 
-/// Any series, written in any of the styles that are understood, is read back.
+/// Any series, written in any supported style, is parsed correctly.
 #[test]
 fn angles_are_read_back_from_every_style() {
     let series: [&[f64]; 6] = [
@@ -160,7 +160,7 @@ fn angles_are_read_back_from_every_style() {
     assert_eq!(tried, 6 * 8 * 3 * 2 * 9);
 }
 
-/// Whatever names there are, none makes it panic.
+/// No combination of names causes a panic.
 #[test]
 fn any_names_are_read_or_refused() {
     let pieces = ["", "-", "45", "−", ".", "5", "deg", "_", "é", "½", "p", "°"];

@@ -1,4 +1,5 @@
-//! Photographs taken elsewhere: their `frames.json`, with analyser angles read from file names and exposures from EXIF.
+//! Description of existing photographs by a `frames.json`, with analyser angles from file names and exposures from
+//! EXIF.
 
 mod angle_names;
 
@@ -18,19 +19,19 @@ use std::sync::{Mutex, PoisonError};
 /// Description of a frame set beyond the analyser angles.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// What varies between the photographs.
+    /// Quantity varied between the photographs.
     pub kind: Kind,
     /// Analyser angles of each 2×2 block of the sensor, for `DivisionOfFocalPlane`.
     pub layout: Option<Layout>,
-    /// Colour filters of the sensor, where the layout has no name.
+    /// Colour filters of the sensor, for layouts without a name.
     pub colour: Option<Bayer>,
-    /// Light that fell on the sample.
+    /// Illumination of the sample.
     pub illumination: Illumination,
-    /// Transfer function of the files (default: as they state it, else sRGB where one is a JPEG, else linear).
+    /// Transfer function of the files (default: as stated in the files, else sRGB if one is a JPEG, else linear).
     pub transfer: Option<Transfer>,
     /// Channel of colour files.
     pub channel: Option<Channel>,
-    /// File value of no light.
+    /// Black level: file value without light.
     pub black: Option<f64>,
     /// File value of a saturated pixel.
     pub white: Option<f64>,
@@ -38,17 +39,17 @@ pub struct Options {
 
 /// A described set of photographs.
 pub struct Described {
-    /// Checked as a reconstruction checks it, with warnings.
+    /// Validated frames, with warnings.
     pub frames: LoadedFrames,
-    /// Where the transfer function is from: "as given", "as the files state it (gAMA 0.45455)".
+    /// Source of the transfer function: "as given", "as the files state it (gAMA 0.45455)".
     pub transfer_from: String,
 }
 
-/// Describes the photographs `files` of `folder`, one angle in degrees for each; without `angles` there is no analyser. Headers are read,
-/// no pixels.
+/// Describes the photographs `files` of `folder`, with one angle in degrees for each; without `angles` there is no
+/// analyser. Reads headers, but no pixels.
 ///
 /// # Errors
-/// `Input`, naming the photograph or option that cannot be used.
+/// `Input`, naming the unusable photograph or option.
 pub fn describe(
     folder: &Path,
     files: &[PathBuf],
@@ -56,7 +57,8 @@ pub fn describe(
     options: &Options,
 ) -> Result<Described, Error> {
     let angles = angles.map_or_else(|| vec![None; files.len()], |all| all.into_iter().map(Some).collect());
-    // A camera raw file whose decoder fails, perhaps after minutes, is refused by the first of them; its tags would only be missing.
+    // A camera raw file whose decoder fails, perhaps after minutes, is rejected at the first file. Otherwise, only its
+    // tags would be missing.
     files.iter().try_for_each(|file| info(&folder.join(file)).map(drop))?;
     let (tags, apertures) = exposures(folder, files)?;
     let frame = |((file, analyser_deg), tags): ((&PathBuf, _), nacre_frames::Tagged)| Frame {
@@ -84,14 +86,14 @@ pub fn describe(
     Ok(Described { frames, transfer_from })
 }
 
-/// Least number of analyser angles that tell polarization.
+/// Minimum number of analyser angles that determine polarization.
 const MIN_ANGLES: usize = 3;
 
-/// Refuses fewer than three photographs behind an analyser. `sensor` is the remedy where one looks like a raw frame of a polarization sensor, given
-/// the name of a layout to expect.
+/// Rejects fewer than three photographs behind an analyser. If one looks like a raw frame of a polarization sensor,
+/// `sensor` provides the remedy, given an example of a layout name.
 ///
 /// # Errors
-/// `Input` for fewer than three, or for one that cannot be read.
+/// `Input` for fewer than three, and for an unreadable one.
 pub fn check_number(
     folder: &Path,
     files: &[PathBuf],
@@ -116,7 +118,7 @@ pub fn check_number(
     Err(Error::file(folder, problem, "add photographs at other angles"))
 }
 
-/// The transfer function that files state, or that files of their type usually have, and why.
+/// Transfer function that the files state, or that is usual for their type, and its source.
 fn stated_transfer(folder: &Path, files: &[PathBuf]) -> Result<(Transfer, String), Error> {
     let mut stated: Option<(&PathBuf, Transfer, String)> = None;
     for file in files {
@@ -144,10 +146,10 @@ fn stated_transfer(folder: &Path, files: &[PathBuf]) -> Result<(Transfer, String
     })
 }
 
-/// Decodes photographs on all cores, so that what cannot be read is refused now; returns a warning where they clip below white.
+/// Decodes photographs on all cores to reject unreadable ones early; returns a warning if they clip below white.
 ///
 /// # Errors
-/// `Input` for the first photograph that cannot be read; `Cancelled`.
+/// `Input` for the first unreadable photograph; `Cancelled`.
 pub fn decode_all(frames: &LoadedFrames, progress: &dyn Progress) -> Result<Option<String>, Error> {
     let set = &frames.set;
     progress.stage("decoding photographs", set.frames.len() as u64);
@@ -172,10 +174,10 @@ pub fn decode_all(frames: &LoadedFrames, progress: &dyn Progress) -> Result<Opti
     Ok(clipping.into_inner().unwrap_or_else(PoisonError::into_inner).warning(white, "--white"))
 }
 
-/// Adds `transfer` to a `frames.json` without it, as its photographs state it.
+/// Adds `transfer` to a `frames.json` without it, as stated in its photographs.
 ///
 /// # Errors
-/// `Input` for invalid JSON, and for files that cannot be read.
+/// `Input` for invalid JSON, and for unreadable files.
 pub fn with_transfer(folder: &Path, text: &str) -> Result<String, Error> {
     let path = folder.join(FILE_NAME);
     let bad = |problem: String| Error::file(&path, problem, "`nacre schema frames` prints what is allowed");
@@ -191,10 +193,10 @@ pub fn with_transfer(folder: &Path, text: &str) -> Result<String, Error> {
     Ok(value.to_string())
 }
 
-/// The `frames.json` of uploaded photographs whose names hold the analyser angles.
+/// `frames.json` of uploaded photographs with analyser angles in their names.
 ///
 /// # Errors
-/// `Input`, naming the photograph that cannot be used.
+/// `Input`, naming the unusable photograph.
 pub fn from_names(folder: &Path) -> Result<String, Error> {
     let options = Options {
         kind: Kind::Polarization,
@@ -217,11 +219,11 @@ pub fn from_names(folder: &Path) -> Result<String, Error> {
     Ok(save(&describe(folder, &files, Some(angles), &options)?.frames.set))
 }
 
-/// The analyser angles that file names hold, in degrees. A message names `place` as the folder and `otherwise` as another way to give the
-/// angles.
+/// Analyser angles in degrees from file names. A message names `place` as the folder, and `otherwise` as the
+/// alternative to supply the angles.
 ///
 /// # Errors
-/// `Input` when the names hold no angles, or can be read in two ways.
+/// `Input` if the names hold no angles, or are ambiguous.
 pub fn named_angles(place: &str, files: &[PathBuf], otherwise: &str) -> Result<Vec<f64>, Error> {
     let remedy = || format!("name the photographs by their angle (045.png, psi_-22.5deg.tif), or {otherwise}");
     angles_in_names(files).map_err(|problem| Error::input(place, problem, remedy()))

@@ -1,4 +1,5 @@
-//! The way to the pattern page. One page is bound at a time, and a pattern counts as shown once the page has acknowledged it.
+//! Connection to the pattern page. One page is bound at a time, and a pattern counts as shown once the page has
+//! acknowledged it.
 
 use crate::session::sha256;
 use serde::{Deserialize, Serialize};
@@ -7,32 +8,32 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use utoipa::ToSchema;
 
-/// A page that was not heard of for this long is gone.
+/// Time without a message after which a page counts as gone.
 const SILENCE: Duration = Duration::from_secs(3);
 
-/// A pattern has to be acknowledged within this.
+/// Time limit for the acknowledgement of a pattern.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// What the pattern page can show; lengths in mm from the panel's middle, to the right and up.
+/// Patterns of the page; lengths in mm from the panel's centre, to the right and upwards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 #[allow(missing_docs, reason = "each pattern explains its numbers")]
 pub enum PagePattern {
-    /// Nothing.
+    /// Black.
     Black {},
-    /// White everywhere.
+    /// Uniform white.
     Full {},
     /// A white disc.
     Disc { center_mm: [f64; 2], diameter_mm: f64 },
-    /// White on one side of a line; its normal points to the white side.
+    /// Half plane of white; the line's normal points to the white side.
     Edge { angle_deg: f64, offset_mm: f64 },
-    /// Luminance that grows from black to white along a direction, linearly (1) or with the square (2).
+    /// Luminance that increases from black to white along a direction, linearly (1) or quadratically (2).
     Gradient { order: u8, angle_deg: f64 },
     /// Rings: (1 + cos(2π r / period + phase)) / 2.
     Radial { period_mm: f64, phase_deg: f64 },
     /// Stripes across a direction: (1 + cos(2π u / period + phase)) / 2.
     Axial { period_mm: f64, angle_deg: f64, phase_deg: f64 },
-    /// Stripes over the whole panel whose luminance is (1 + cos 2π(f · x + phase)) / 2 on a panel of this exponent.
+    /// Fringes over the whole panel with luminance (1 + cos 2π(f · x + phase)) / 2, for a panel with this gamma.
     Fringes { cycles_per_mm: [f64; 2], phase: f64, gamma: f64 },
     /// White discs.
     Spots { centers_mm: Vec<[f64; 2]>, diameter_mm: f64 },
@@ -40,37 +41,37 @@ pub enum PagePattern {
     Checkerboard { square_mm: f64 },
 }
 
-/// The pattern page as it is.
+/// State of the pattern page.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct DisplayState {
-    /// The page that is bound.
+    /// Id of the bound page.
     bound: Option<String>,
     visible: bool,
     viewport: Option<[f64; 2]>,
     pixel_ratio: Option<f64>,
-    /// Of the pattern that is to be shown.
+    /// Hash of the requested pattern.
     hash: String,
-    /// The page shows it.
+    /// True if the page shows it.
     acknowledged: bool,
     size_mm: [f64; 2],
 }
 
-/// Why the page does not show a pattern.
+/// Reason why the page does not show a pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotShown {
-    /// Nobody has it open.
+    /// The page is not open.
     #[error("no pattern page is open")]
     NoPage,
-    /// It is behind something else.
+    /// The page is hidden.
     #[error("the pattern page is hidden")]
     Hidden,
-    /// It says nothing.
+    /// The page does not answer.
     #[error("the pattern page did not acknowledge the pattern")]
     Silent,
 }
 
 impl NotShown {
-    /// What the user can do.
+    /// Action for the user.
     pub fn remedy(self) -> &'static str {
         match self {
             Self::NoPage => "open /display on the LCD",
@@ -85,7 +86,7 @@ impl NotShown {
 #[error("another page is bound")]
 pub struct OtherPage;
 
-/// The way to the page.
+/// Connection to the page.
 pub struct Link {
     wanted: watch::Sender<(PagePattern, String)>,
     bound: Mutex<Option<Bound>>,
@@ -117,7 +118,7 @@ fn hashed(pattern: PagePattern) -> (PagePattern, String) {
 }
 
 impl PagePattern {
-    /// Checks its numbers.
+    /// Validates the numbers of a pattern.
     ///
     /// # Errors
     /// A length, an angle, an exponent or the number of discs is out of range.
@@ -155,12 +156,12 @@ impl Link {
     /// Shows a pattern on the page; returns once the page has acknowledged it.
     ///
     /// # Errors
-    /// There is no page, or it does not show it.
+    /// No page is bound, or it does not show the pattern.
     pub async fn show(&self, pattern: PagePattern) -> Result<(), NotShown> {
         let alive = self.alive();
         let wanted = hashed(pattern);
         let hash = wanted.1.clone();
-        // A page that is hidden or comes later shows it then.
+        // Stored, so that a hidden or later page shows it.
         self.acknowledged.send_replace(String::new());
         self.wanted.send_replace(wanted);
         match alive {
@@ -173,10 +174,10 @@ impl Link {
         if matches!(shown, Ok(Ok(_))) { Ok(()) } else { Err(NotShown::Silent) }
     }
 
-    /// That the page still shows what it was asked for last.
+    /// Checks that the page still shows the last requested pattern.
     ///
     /// # Errors
-    /// It is gone, hidden, or shows something else.
+    /// It is gone, hidden, or shows another pattern.
     pub(crate) fn still_shows(&self) -> Result<(), NotShown> {
         let alive = self.alive().ok_or(NotShown::NoPage)?;
         if !alive.visible {
@@ -185,17 +186,18 @@ impl Link {
         if *self.acknowledged.borrow() == self.wanted.borrow().1 { Ok(()) } else { Err(NotShown::Silent) }
     }
 
-    /// The page that is bound and was heard of lately.
+    /// Bound page, if recently active.
     fn alive(&self) -> Option<Bound> {
         self.bound().clone().filter(|b| b.heard.elapsed() < SILENCE)
     }
 
-    /// Whether a page other than this one is bound and was heard of lately.
+    /// True if another page is bound and recently active.
     pub fn is_taken(&self, page: &str) -> bool {
         self.alive().is_some_and(|b| b.page != page)
     }
 
-    /// Binds a page, in place of the one before; returns the patterns that it is to show with their hashes, the present one first.
+    /// Binds a page in place of the previous one; returns the patterns to show with their hashes, starting with the
+    /// present one.
     pub fn bind(&self, page: String) -> watch::Receiver<(PagePattern, String)> {
         *self.bound() = Some(Bound { page, heard: Instant::now(), visible: true, viewport: None, pixel_ratio: None });
         let mut wanted = self.wanted.subscribe();
@@ -203,7 +205,7 @@ impl Link {
         wanted
     }
 
-    /// Notes a sign of life of a page, and its viewport in CSS pixels with the device's pixels in each.
+    /// Records activity of a page, and its viewport in CSS pixels with the device pixel ratio.
     ///
     /// # Errors
     /// Another page is bound.
@@ -220,14 +222,14 @@ impl Link {
         Ok(())
     }
 
-    /// Notes that the page shows the pattern with this hash; that of an earlier pattern counts for nothing.
+    /// Records that the page shows the pattern with this hash; hashes of earlier patterns are ignored.
     pub fn acknowledge(&self, hash: String) {
         if hash == self.wanted.borrow().1 {
             self.acknowledged.send_replace(hash);
         }
     }
 
-    /// The page as it is, on a panel of this size.
+    /// State of the page, on a panel of this size.
     pub fn state(&self, size_mm: [f64; 2]) -> DisplayState {
         let (alive, hash) = (self.alive(), self.wanted.borrow().1.clone());
         let visible = alive.as_ref().is_some_and(|b| b.visible);

@@ -1,4 +1,4 @@
-//! The pattern page as the panel of a bench: a browser in full screen on the LCD.
+//! Panel of a bench realised by the pattern page: a full-screen browser on the LCD.
 
 use super::{Link, NotShown, PagePattern};
 use async_trait::async_trait;
@@ -6,20 +6,20 @@ use nacre_drivers::{Class, Clock, DeviceError, DeviceResult, Display, DisplayInf
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The panel behind the pattern page.
+/// A panel that uses the pattern page.
 pub struct PagePanel {
-    /// The way to the page.
+    /// Connection to the page.
     pub link: Arc<Link>,
-    /// Width and height of the panel, in mm.
+    /// Width and height of the panel in mm.
     pub size_mm: [f64; 2],
-    /// Until a picture that was acknowledged is steady.
+    /// Settling time after an acknowledgement.
     pub response: Duration,
-    /// The time that it reports.
+    /// Clock of reported times.
     pub clock: Arc<dyn Clock>,
 }
 
 impl PagePanel {
-    /// What a panel of this size is.
+    /// Description of a panel of this size.
     pub fn info(size_mm: [f64; 2]) -> DisplayInfo {
         DisplayInfo { id: "pattern page /display".into(), size_mm }
     }
@@ -47,7 +47,7 @@ impl Display for PagePanel {
         Ok(Shown { since: self.clock.now() + self.response, pattern })
     }
 
-    /// A page that is not there, or hidden, gives no light, and will be black when it comes back.
+    /// A missing or hidden page emits no light, and will be black when it returns.
     async fn dark(&mut self) -> DeviceResult<Shown> {
         match self.link.show(PagePattern::Black {}).await {
             Ok(()) | Err(NotShown::NoPage | NotShown::Hidden) => {
@@ -79,7 +79,7 @@ mod tests {
         let before = SystemClock.now();
         let dark = runtime.block_on(panel.dark()).unwrap();
         assert!(dark.since >= before + Duration::from_millis(30));
-        // What a frame is to be taken of must be seen, black as well.
+        // A pattern must be visible for a frame, even a black one.
         for pattern in [Pattern::Black, Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 50.0 }] {
             let error = runtime.block_on(panel.show(pattern)).unwrap_err();
             assert!(error.got.contains("no pattern page") && error.remedy.contains("/display"), "{error}");

@@ -1,29 +1,29 @@
-//! Which angles the analyser takes: as listed, or as many as the wanted σ needs.
+//! Analyser angles: listed, or adaptive until a required σ.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Most angles of a series that ends by its σ.
+/// Maximum number of angles of an adaptive series.
 const MOST: u32 = 360;
 
 /// Angles of the analyser: `{ angles_deg = [0, 60, 120] }`, or `{ start = 4, until_sigma_deg = 0.3, at_most = 24 }`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Keys", into = "Keys")]
 pub enum AnalyserPlan {
-    /// Degrees, in the order they are taken.
+    /// Angles in degrees, in order of capture.
     Listed(Vec<f64>),
-    /// As many as it takes, each where it helps most.
+    /// Adaptive series: each angle is added where it reduces σ most.
     Until(UntilSigma),
 }
 
-/// A series that ends when the orientation is known well enough.
+/// A series that ends at a required σ of the orientation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct UntilSigma {
-    /// Angles at the beginning, evenly over 180°.
+    /// Number of initial angles, evenly spaced over 180°.
     pub start: u32,
-    /// Wanted σ of the orientation in degrees: 90 % of the pixels that carry an orientation are to be as good.
+    /// Required σ of the orientation in degrees, for 90 % of the pixels with an orientation.
     pub until_sigma_deg: f64,
-    /// Most angles.
+    /// Maximum number of angles.
     pub at_most: u32,
 }
 
@@ -31,18 +31,18 @@ pub struct UntilSigma {
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Keys {
-    /// Degrees, in the order they are taken.
+    /// Angles in degrees, in order of capture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     angles_deg: Option<Vec<f64>>,
-    /// In place of a list: wanted σ of the orientation in degrees. Angles are added, each where it lowers σ most, until 90 %
-    /// of the pixels that carry an orientation are as good. Kind polarization only.
+    /// Instead of a list: required σ of the orientation in degrees. Angles are added, each where it reduces σ most,
+    /// until 90 % of the pixels with an orientation meet it. Kind polarization only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     until_sigma_deg: Option<f64>,
-    /// Angles to begin with, evenly over 180° (default 4).
+    /// Number of initial angles, evenly spaced over 180° (default 4).
     #[schemars(range(min = 3, max = 360))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     start: Option<u32>,
-    /// Most angles (default 24).
+    /// Maximum number of angles (default 24).
     #[schemars(range(min = 3, max = 360))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     at_most: Option<u32>,
@@ -90,7 +90,7 @@ impl JsonSchema for AnalyserPlan {
 }
 
 impl AnalyserPlan {
-    /// Angles that are taken in any case, in degrees.
+    /// Angles captured in any case, in degrees.
     pub fn known(&self) -> Vec<f64> {
         match self {
             Self::Listed(angles) => angles.clone(),
@@ -98,7 +98,7 @@ impl AnalyserPlan {
         }
     }
 
-    /// Most angles.
+    /// Maximum number of angles.
     pub fn most(&self) -> usize {
         match self {
             Self::Listed(angles) => angles.len(),
@@ -108,10 +108,10 @@ impl AnalyserPlan {
 }
 
 impl UntilSigma {
-    /// Checks every number.
+    /// Validates all numbers.
     ///
     /// # Errors
-    /// A sentence that names the key, what was found and what is allowed.
+    /// A sentence with the key, the value and the permitted range.
     pub(super) fn check(&self) -> Result<(), String> {
         let Self { start, until_sigma_deg, at_most } = *self;
         if !(until_sigma_deg.is_finite() && until_sigma_deg > 0.0) {
@@ -126,7 +126,7 @@ impl UntilSigma {
         Ok(())
     }
 
-    /// Angles like those that will be added, for estimates: how many, spread by the golden section, in whole degrees.
+    /// Representative additional angles for estimates, spread by the golden ratio, in whole degrees.
     pub(super) fn likely(&self) -> Vec<f64> {
         let golden = 0.5 * (5f64.sqrt() - 1.0);
         (self.start..self.at_most).map(|k| (180.0 * (f64::from(k) * golden).fract()).floor()).collect()

@@ -1,4 +1,4 @@
-//! Whether a plan makes sense, in itself and on a bench.
+//! Validation of a plan, by itself and against a bench.
 
 use super::estimate::{Limits, light_on_s};
 use super::steps::groups;
@@ -11,11 +11,11 @@ use nacre_polarimetry::MAX_BRACKET;
 use std::path::Path;
 use std::time::Duration;
 
-/// Longest series.
+/// Maximum number of steps.
 const MAX_STEPS: usize = 100_000;
 
 impl Plan {
-    /// Light that falls on the sample: in polarization plans the panel behind its retarder, unless they state another.
+    /// Illumination of the sample: for polarization plans the panel behind its retarder, unless stated otherwise.
     pub fn light(&self) -> Illumination {
         match self.kind {
             PlanKind::Polarization => self.illumination.unwrap_or(Illumination::CircularPanel),
@@ -23,7 +23,7 @@ impl Plan {
         }
     }
 
-    /// Reads and checks a plan file (TOML, or JSON by its name), apart from device limits.
+    /// Reads and validates a plan file (TOML, or JSON by file extension), except for device limits.
     ///
     /// # Errors
     /// `Input`, naming the file and key.
@@ -38,10 +38,10 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Checks every number, apart from device limits.
+    /// Validates all numbers, except for device limits.
     ///
     /// # Errors
-    /// A sentence that names the key, what was found and what is allowed.
+    /// A sentence with the key, the value and the permitted range.
     pub fn check_values(&self) -> Result<(), String> {
         self.check_sections()?;
         if self.illumination.is_some() && self.kind != PlanKind::Polarization {
@@ -87,7 +87,7 @@ impl Plan {
         }
     }
 
-    /// Which sections belong to the plan's kind.
+    /// Checks that the sections match the plan's kind.
     fn check_sections(&self) -> Result<(), String> {
         let kind = super::word(self.kind);
         let bracketed = matches!(self.kind, PlanKind::Polarization | PlanKind::Flash);
@@ -137,7 +137,7 @@ impl Plan {
         }
     }
 
-    /// An operation must fit the kind, and know its options.
+    /// Checks that an operation matches the kind, and its options.
     fn check_reconstruct(&self) -> Result<(), String> {
         let Some(order) = &self.reconstruct else { return Ok(()) };
         let (name, kind) = (order.operation.name(), super::word(self.kind));
@@ -146,7 +146,7 @@ impl Plan {
             "spots" => self.spots.as_ref().is_some_and(|s| s.fringes.is_some()),
             "flash" => self.kind == PlanKind::Flash,
             "hdr" | "lut" | "bokeh" => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
-            // The others take other input, or need more than a plan says.
+            // Other operations take other input, or need more information than a plan has.
             _ => false,
         };
         if !fits {
@@ -163,7 +163,7 @@ impl Plan {
         order.check().map_err(|error| format!("reconstruct.options.{}", fields(&error.to_string())))
     }
 
-    /// Exposures that are taken at each angle of a polarization plan, or under the flash.
+    /// Checks exposures captured at each angle of a polarization plan, or under the flash.
     fn check_brackets(&self) -> Result<(), String> {
         if let Some(bracket) = self.bracket {
             let kind = super::word(self.kind);
@@ -194,7 +194,7 @@ impl Plan {
     /// Checks the plan against the devices' limits.
     ///
     /// # Errors
-    /// One sentence for each kind of thing that it asks too much of, with the first frame that does.
+    /// One sentence for each kind of violation, with the first affected frame.
     pub fn check_limits(&self, limits: &Limits) -> Vec<String> {
         let (camera, stage, display) = (&limits.camera, &limits.stage, &limits.display);
         let within = |key: &str, value: f64, [low, high]: [f64; 2], device: &str| {
@@ -249,7 +249,7 @@ impl Plan {
         ))
     }
 
-    /// The flash must be there, and off again before its limit.
+    /// Checks that the flash exists, and that its on-time stays within its limit.
     fn check_flash(&self, limits: &Limits, steps: &[Step]) -> Option<String> {
         let first = steps.iter().find(|s| s.state.flash)?;
         let Some(flash) = &limits.flash else {

@@ -1,4 +1,4 @@
-//! Time and disk that a session needs: the engine's own timeline, without the devices.
+//! Predicted time and disk space of a session: the engine's timeline without the devices.
 
 use super::steps::groups;
 use super::{Plan, State, Step};
@@ -7,63 +7,63 @@ use nacre_drivers::{CameraInfo, DisplayInfo, FlashInfo, StageInfo};
 use serde::Serialize;
 use std::time::Duration;
 
-/// What the devices of a bench can do.
+/// Limits of the devices of a bench.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// The analyser's stage.
+    /// Stage of the analyser.
     pub stage: StageInfo,
     /// The camera.
     pub camera: CameraInfo,
     /// The panel.
     pub display: DisplayInfo,
-    /// The flash, if there is one.
+    /// Flash, if any.
     pub flash: Option<FlashInfo>,
 }
 
-/// Time and disk that a session needs.
+/// Predicted time and disk space of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Frames stored.
+    /// Number of stored frames.
     pub frames: usize,
-    /// Time that the devices need, in seconds, metering included.
+    /// Time of the devices in seconds, including metering.
     pub seconds: f64,
-    /// Of which metering, where the exposure has been metered.
+    /// Share of metering in seconds, if the exposure has been metered.
     pub metering_seconds: Option<f64>,
     /// Exposure time in seconds, as planned or metered.
     pub exposure_s: f64,
-    /// Largest size of the frames in bytes (uncompressed).
+    /// Upper bound of the size of the frames in bytes (uncompressed).
     pub bytes: u64,
-    /// For a series that ends by its σ, where everything above is the most: the least.
+    /// For an adaptive series, the minimum; the values above are the maximum.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub least: Option<Least>,
 }
 
-/// The least time and disk that a session needs.
+/// Minimum time and disk space of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Least {
-    /// Frames stored.
+    /// Number of stored frames.
     pub frames: usize,
-    /// As in [`Estimate`].
+    /// Time of the devices in seconds.
     pub seconds: f64,
-    /// As in [`Estimate`].
+    /// Size of the frames in bytes.
     pub bytes: u64,
 }
 
-/// Stops on the way to `to` from `from`: two when the angle does not lie above, one otherwise. A person turns to the
-/// angle as they see fit.
+/// Stops on the way from `from` to `to`: two if the angle decreases, otherwise one. A person rotates directly.
 pub(crate) fn approach(from: f64, to: f64, stage: &StageInfo) -> Vec<f64> {
     let below = (to - stage.approach_deg).max(stage.limits_deg[0]);
     if to <= from && below < to { vec![below, to] } else { vec![to] }
 }
 
-/// Longest time that the flash is on for a group of `exposures` exposures: it may come on just after one began.
+/// Maximum on-time of the flash for a group of `exposures` exposures, which may be switched on just after one began.
 pub(crate) fn light_on_s(exposure: Duration, exposures: usize, limits: &Limits) -> f64 {
     let beat = exposure.as_secs_f64() + limits.camera.readout_s;
     2.0 * limits.flash.as_ref().map_or(0.0, |f| f.settling_s) + (exposures as f64 + 1.0) * beat
 }
 
 impl Plan {
-    /// Time and disk for a session with this exposure time, without metering. `stands_deg` is where the stage stands.
+    /// Time and disk space of a session with this exposure time, without metering. `stands_deg` is the present angle of
+    /// the stage.
     pub fn estimate(&self, exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
         let most = self.estimate_of(&self.most_steps(), exposure, limits, stands_deg);
         let least = self.is_open().then(|| self.estimate_of(&self.steps(), exposure, limits, stands_deg));
@@ -71,7 +71,7 @@ impl Plan {
         Estimate { least, ..most }
     }
 
-    /// Time that metering takes if it ends at this exposure, in seconds; 0 for a plan that states its exposures.
+    /// Time in seconds of metering that ends at this exposure; 0 for a plan with stated exposures.
     pub fn metering_s(&self, exposure: Duration, limits: &Limits) -> f64 {
         if !self.is_metered() {
             return 0.0;
@@ -112,11 +112,12 @@ impl Plan {
     }
 }
 
-/// The devices as clocks. The camera runs freely: frames begin on its beats, and controls act after its lag.
+/// Simulated clocks of the devices. The camera runs freely: frames begin at multiples of the frame period, and controls
+/// take effect after a lag.
 struct Timeline<'a> {
     limits: &'a Limits,
     now: f64,
-    /// A time at which a frame begins, and the length of frames from then on.
+    /// Start time of a frame, and frame period from then on.
     beat_at: f64,
     beat: f64,
     exposure: Option<Duration>,
@@ -129,13 +130,13 @@ impl<'a> Timeline<'a> {
         Self { limits, now: 0.0, beat_at: 0.0, beat, exposure: None, angle: 0.0 }
     }
 
-    /// First beat that is not before `time`.
+    /// Start of the first frame not before `time`.
     fn next_beat(&self, time: f64) -> f64 {
-        // Sums of beats may miss a beat by rounding.
+        // Tolerance for rounding errors of summed periods.
         self.beat_at + self.beat * ((time - self.beat_at) / self.beat - 1e-9).ceil()
     }
 
-    /// Waits until the exposure is in force, and sure to be: the frame in progress, and the lag, which ends with a frame
+    /// Waits until the exposure is certain to be in effect: the frame in progress, and the lag, which ends with a frame
     /// of the new exposure.
     fn expose(&mut self, exposure: Duration) {
         if self.exposure == Some(exposure) {
@@ -143,7 +144,7 @@ impl<'a> Timeline<'a> {
         }
         let new = exposure.as_secs_f64() + self.limits.camera.readout_s;
         let old = f64::from(self.limits.camera.control_lag_frames.saturating_sub(1)) * self.beat;
-        // A frame that ends as the control is set is not the one in progress.
+        // A frame that ends as the control is set does not count as in progress.
         let in_progress = self.next_beat(self.now + 1e-9);
         self.now = in_progress + old + new;
         (self.beat_at, self.beat, self.exposure) = (self.now, new, Some(exposure));

@@ -1,4 +1,4 @@
-//! Fringes of a spot scan.
+//! Fringes of a fringe series.
 
 use super::{Limits, Plan};
 use crate::setup::Setup;
@@ -10,80 +10,81 @@ use nacre_polarimetry::NoiseModel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Stripes that move over the panel. Each of `count` directions and widths is shown at `phases` phases; three frames of even light tell how
-/// the panel answers.
+/// Fringes on the panel. Each of `count` directions and periods is shown at `phases` phases; three frames of uniform
+/// light determine the panel's response.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FringesPlan {
-    /// How many different ones, 4 to 31: more tell more places apart. When it is not given, the fewest that the camera's noise lets meet
-    /// the σ wanted; the session then holds it.
+    /// Number of different fringes, 4 to 31; more distinguish more panel positions. Default: the smallest number that
+    /// meets the required σ for the camera's noise; the session then states it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub count: Option<u32>,
-    /// Phases of each, 3 to 16: from 4 on, the panel's exponent may be a few percent wrong.
+    /// Number of phases per fringe, 3 to 16. With 4 or more, the panel's gamma may be wrong by a few percent.
     pub phases: u32,
-    /// Period of the finest in mm; one that the camera's aperture blurs away tells nothing.
+    /// Period of the finest fringe in mm; the camera's aperture must not blur it.
     pub finest_mm: f64,
-    /// Exponent that the panel is taken to have where nothing better is known.
+    /// Gamma of the panel if not known better.
     pub gamma: f64,
-    /// Wanted σ of a period over the period, in a dim pixel.
+    /// Required relative σ of a period in a dim pixel.
     pub period_sigma: f64,
-    /// Wanted σ of an orientation in degrees.
+    /// Required σ of an orientation in degrees.
     pub orientation_sigma_deg: f64,
-    /// Longest period that is expected, in µm, of which a place on the panel says least.
+    /// Longest expected period in µm, which panel positions determine least accurately.
     pub longest_um: f64,
-    /// Add fringes until at most this part of the pixels with a first order on the panel is undecided: explained by two gratings alike, or
-    /// by one whose period is less sure than `period_sigma`. The series then begins with `count` (10 where it is not given).
+    /// Adds fringes until at most this fraction of the pixels with a first order on the panel is undecided. Undecided
+    /// pixels are ambiguous between two gratings, or their period is less accurate than `period_sigma`. The series then
+    /// begins with `count` fringes (default 10).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub until_undecided: Option<f64>,
-    /// Most fringes of such a series; as many as 64 patterns allow when it is not given.
+    /// Maximum number of fringes of such a series (default: as many as fit into 64 patterns).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<u32>,
 }
 
-/// A scan that goes on until few pixels are undecided.
+/// A fringe series that continues until few pixels are undecided.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UntilDecided {
-    /// Fringes to begin with.
+    /// Number of initial fringes.
     pub start: u32,
-    /// Part of the pixels that may be undecided.
+    /// Permitted fraction of undecided pixels.
     pub undecided: f64,
-    /// Most fringes.
+    /// Maximum number of fringes.
     pub at_most: u32,
-    /// Phases of each.
+    /// Number of phases per fringe.
     pub phases: u32,
-    /// Wanted σ of a period over the period.
+    /// Required relative σ of a period.
     pub period_sigma: f64,
 }
 
-/// What is added to a series that goes on until enough is known.
+/// Addition to an adaptive series.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Added {
-    /// Another angle of the analyser.
+    /// Another analyser angle.
     Angle {
-        /// In degrees.
+        /// Angle in degrees.
         analyser_deg: f64,
     },
     /// More fringes.
     Fringes {
-        /// How many there are with them.
+        /// Total number of fringes, including the new ones.
         fringes: u32,
     },
 }
 
-/// Fringes where nothing is known of the camera's noise.
+/// Number of fringes if the camera's noise is unknown.
 const USUAL: u32 = 12;
 
-/// Fringes to begin with where more are added as they are needed: with fewer, one pixel in five hundred is taken for another grating without
-/// a sign of it (docs/validation/spots.md).
+/// Initial number of fringes in an adaptive series: with fewer, one pixel in five hundred is assigned a wrong grating
+/// without any indication (docs/validation/spots.md).
 const FIRST: u32 = LEAST_FRINGES as u32;
-/// How many are added at a time.
+/// Number of fringes per addition.
 pub(crate) const MORE: u32 = 2;
 
-/// Most patterns of a series that is chosen.
+/// Maximum number of patterns of an automatically chosen series.
 const MOST_PATTERNS: usize = 64;
 
-/// Phases of even light: white, half of it, and a quarter.
+/// Phases of uniform light: white, one half, and one quarter.
 pub(super) const EVEN: [f64; 3] = [0.0, 0.25, 1.0 / 3.0];
 
 impl Default for FringesPlan {
@@ -103,10 +104,10 @@ impl Default for FringesPlan {
 }
 
 impl FringesPlan {
-    /// Checks every number.
+    /// Validates all numbers.
     ///
     /// # Errors
-    /// A sentence that names the key, what was found and what is allowed.
+    /// A sentence with the key, the value and the permitted range.
     pub fn check(&self) -> Result<(), String> {
         if let Some(count) = self.count.filter(|n| !(4..=MAX_CARRIERS as u32).contains(n)) {
             return Err(format!("spots.fringes.count is {count}; give 4 to {MAX_CARRIERS}"));
@@ -146,22 +147,22 @@ impl FringesPlan {
         Ok(())
     }
 
-    /// How the scan goes on, where that is left open.
+    /// Stopping criterion of an adaptive series.
     pub fn until(&self) -> Option<UntilDecided> {
         let undecided = self.until_undecided?;
         let start = self.count.unwrap_or(FIRST);
-        // Two frames besides: the dark and a black panel.
+        // Two further frames: dark and black panel.
         let fit = (MOST_PATTERNS - 2 - EVEN.len()) as u32 / self.phases.max(1);
         let at_most = self.at_most.unwrap_or(fit.min(MAX_CARRIERS as u32).max(start));
         Some(UntilDecided { start, undecided, at_most, phases: self.phases, period_sigma: self.period_sigma })
     }
 
-    /// What the panel shows, in order, as far as is known beforehand.
+    /// Patterns in order, as far as known in advance.
     pub fn patterns(&self) -> Vec<Pattern> {
         self.patterns_of(self.until().map_or(self.count.unwrap_or(USUAL), |until| until.start))
     }
 
-    /// The same with so many fringes.
+    /// As [`Self::patterns`], for this number of fringes.
     pub(crate) fn patterns_of(&self, count: u32) -> Vec<Pattern> {
         let (count, phases, gamma) = (count.min(MAX_CARRIERS as u32), self.phases.clamp(1, 16), self.gamma);
         let pattern = |cycles_per_mm, phase| Pattern::Fringes { cycles_per_mm, phase, gamma };
@@ -172,19 +173,19 @@ impl FringesPlan {
     }
 }
 
-/// What fringes will tell, where the bench says where things stand.
+/// Predicted reach and accuracy of fringes, for a bench with known geometry.
 pub struct Reach {
-    /// Shortest period in µm whose first order reaches the panel, for grating vectors at 0, 15, … 165 degrees, from the sample's middle;
-    /// none where none does.
+    /// Shortest period in µm whose first order reaches the panel from the sample's centre, for grating vectors at 0,
+    /// 15, … 165 degrees; `None` where none does.
     pub shortest_um: Vec<Option<f64>>,
-    /// What the plan's setting will bring, where the camera's noise is known.
+    /// Predicted accuracy of the plan's setting, if the camera's noise is known.
     pub predicted: Option<Prediction>,
-    /// Whether that is what the plan wants.
+    /// True if the prediction meets the plan's requirements.
     pub meets: bool,
 }
 
 impl Reach {
-    /// As a person reads it.
+    /// Text for the user.
     pub fn text(&self) -> String {
         let predicted = self.predicted.as_ref().map_or_else(String::new, |p| {
             format!(
@@ -210,7 +211,7 @@ impl Reach {
 
 impl FringesPlan {
     fn setting(&self) -> Setting {
-        // A series that is left open may have as many as it needs.
+        // An adaptive series may use its maximum number.
         let count = self.until().map_or(self.count.unwrap_or(USUAL), |until| until.at_most) as usize;
         Setting { count, phases: self.phases as usize, finest_mm: self.finest_mm }
     }
@@ -226,7 +227,7 @@ impl FringesPlan {
 }
 
 impl Plan {
-    /// What the fringes of this plan will tell, where the bench says where things stand.
+    /// Predicted reach and accuracy of this plan's fringes, for a bench with known geometry.
     pub fn reach(&self, setup: &Setup, limits: &Limits) -> Option<Reach> {
         let plan = self.clone().with_fringes(setup, limits);
         let fringes = plan.spots.as_ref()?.fringes.as_ref()?;
@@ -238,8 +239,8 @@ impl Plan {
         Some(Reach { shortest_um: reachable(&optics), predicted, meets })
     }
 
-    /// The plan with as many fringes as the camera's noise asks for, where it leaves that open. Where nothing meets what is wanted, or too
-    /// little is known, there are as many as usual.
+    /// The plan with the number of fringes required by the camera's noise, if the plan leaves it open. If no number
+    /// meets the requirements, or too little is known, the usual number is used.
     pub fn with_fringes(mut self, setup: &Setup, limits: &Limits) -> Self {
         let Some(fringes) = self
             .spots
@@ -262,7 +263,7 @@ fn noise(limits: &Limits) -> Option<NoiseModel> {
     Some(NoiseModel { full_scale_e, read_noise_e })
 }
 
-/// Camera and panel side by side, as the bench says.
+/// Camera and panel side by side, as described by the bench.
 fn optics(setup: &Setup, limits: &Limits) -> Option<Optics> {
     let geometry = setup.geometry?;
     let (d, half) = (geometry.distance_mm, 0.5 * geometry.baseline_mm);
@@ -305,7 +306,8 @@ mod tests {
         assert!(toml::from_str::<Plan>(asked).unwrap().check_values().unwrap_err().contains("method is spots"));
     }
 
-    /// A panel of 52 × 32 cm at 25 cm reaches 1.2 µm in all directions with the camera overhead, and 0.8 µm, 44° off, in few.
+    /// A panel of 52 × 32 cm at 25 cm, with the camera overhead, reaches 1.2 µm in all directions, and 0.8 µm (at 44°)
+    /// in few.
     #[test]
     fn reach_depends_on_the_direction() {
         let plan: Plan = toml::from_str("kind = \"spots\"\nspots = { fringes = {} }").unwrap();
@@ -318,7 +320,7 @@ mod tests {
         let setup = Setup { wavelength_nm: Some(560.0), geometry: Some(geometry), ..Setup::default() };
         let shortest = plan.reach(&setup, &limits).unwrap().shortest_um;
         let [right, up] = [0, 6].map(|k| shortest[k].unwrap());
-        // Straight up the panel ends 160 mm away, less half an aperture: sin atan(155 / 250).
+        // Upwards, the panel ends at 160 mm, minus half an aperture: sin atan(155 / 250).
         assert!((up - 0.56 / (155.0_f64 / 250.0).atan().sin()).abs() < 2e-3, "{up}");
         assert!((right - 0.56 / (255.0_f64 / 250.0).atan().sin()).abs() < 2e-3, "{right}");
         assert!(plan.reach(&Setup::default(), &limits).is_none());

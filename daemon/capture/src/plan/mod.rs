@@ -1,4 +1,4 @@
-//! Capture plans: data that says what to show, rotate, expose and flash, checked and estimated before anything moves.
+//! Capture plans: patterns, rotations, exposures and flash as data, validated and estimated before any device moves.
 
 mod analyser;
 mod check;
@@ -22,10 +22,10 @@ use nacre_frames::Illumination;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Longest name, sample and operator, in characters.
+/// Maximum length of name, sample and operator in characters.
 const LONGEST_TEXT: usize = 200;
 
-/// Longest notes, in characters.
+/// Maximum length of notes in characters.
 const LONGEST_NOTES: usize = 10_000;
 
 /// A capture plan (`plan.toml`).
@@ -35,62 +35,64 @@ pub struct Plan {
     /// Version of the format.
     #[serde(default)]
     pub version: Version<2>,
-    /// What is varied.
+    /// Quantity varied.
     pub kind: PlanKind,
-    /// Name of the session, in at most 200 characters.
+    /// Name of the session (at most 200 characters).
     #[serde(default)]
     #[schemars(length(max = 200))]
     pub name: String,
-    /// What lies on the table, in at most 200 characters.
+    /// Sample on the bench (at most 200 characters).
     #[serde(default)]
     #[schemars(length(max = 200))]
     pub sample: String,
-    /// Who measures, in at most 200 characters.
+    /// Name of the operator (at most 200 characters).
     #[serde(default)]
     #[schemars(length(max = 200))]
     pub operator: String,
-    /// Anything else, in at most 10,000 characters.
+    /// Notes (at most 10,000 characters).
     #[serde(default)]
     #[schemars(length(max = 10_000))]
     pub notes: String,
     /// Camera settings.
     #[serde(default)]
     pub camera: CameraPlan,
-    /// What the panel shows.
+    /// Pattern on the panel.
     #[serde(default)]
     pub display: DisplayPlan,
-    /// Light that falls on the sample, for kind polarization (default: circular_panel, the panel behind its quarter-wave retarder).
+    /// Illumination of the sample, for kind polarization (default: circular_panel, the panel behind its quarter-wave
+    /// retarder).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub illumination: Option<Illumination>,
-    /// Angles of the analyser. Kinds other than polarization do without; the analyser is then not touched.
+    /// Angles of the analyser. Optional for kinds other than polarization; without it, the analyser is not moved.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analyser: Option<AnalyserPlan>,
-    /// Exposure times in ms, for kinds exposures and flash; for kind polarization, taken at each angle and merged into one intensity:
-    /// what is saturated in the long ones is measured in the short ones.
+    /// Exposure times in ms, for kinds exposures and flash. For kind polarization: captured at each angle and merged
+    /// into one intensity, so that short exposures replace saturated pixels of long ones.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exposures_ms: Vec<f64>,
-    /// Exposure times that are worked out by metering, for kinds exposures and flash; the session then holds them as exposures_ms.
+    /// Exposure times determined by metering, for kinds exposures and flash; the session then states them as
+    /// exposures_ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bracket: Option<BracketPlan>,
-    /// Where the panel lights up, for kind spots.
+    /// Lit positions of the panel, for kind spots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spots: Option<SpotsPlan>,
     /// The frames one by one, for kind free.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<FreeStep>,
-    /// Frames taken besides.
+    /// Additional frames.
     #[serde(default)]
     pub extras: Vec<Extra>,
-    /// Operation on the frames that follows the capture; its results are the session's `results/`.
+    /// Operation on the frames after the capture; its results are the session's `results/`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reconstruct: Option<PlannedOperation>,
 }
 
 impl Plan {
-    /// Checks the lengths of texts. Sessions of earlier versions may have longer ones, so that this is for new plans.
+    /// Checks the lengths of texts. For new plans only, since sessions of earlier versions may have longer texts.
     ///
     /// # Errors
-    /// A sentence that names the key, its length and the longest allowed.
+    /// A sentence with the key, its length and the maximum.
     pub fn check_texts(&self) -> Result<(), String> {
         let texts = [("name", &self.name), ("sample", &self.sample), ("operator", &self.operator)];
         let limits = texts.map(|(key, text)| (key, text, LONGEST_TEXT));
@@ -106,14 +108,15 @@ impl Plan {
     }
 }
 
-/// A bracket of exposures: from the longest in which all but the brightest thousandth of the pixels stay below white, in even
-/// steps, to one in which the darkest hundredth is well above black, or the longest that camera and flash allow.
+/// A bracket of exposures. It starts at the longest exposure at which all but the brightest 0.1 % of the pixels stay
+/// below white. It continues in equal steps until the darkest 1 % is well above black, or to the longest exposure
+/// permitted by camera and flash.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BracketPlan {
-    /// How much longer each exposure is than the one before, in powers of two, 0.5 to 6.
+    /// Ratio of successive exposures in powers of two, 0.5 to 6.
     pub step_ev: f64,
-    /// Most exposures, 2 to 16.
+    /// Maximum number of exposures, 2 to 16.
     pub at_most: u32,
 }
 
@@ -123,7 +126,7 @@ impl Default for BracketPlan {
     }
 }
 
-/// What a plan varies.
+/// Quantity that a plan varies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PlanKind {
@@ -131,11 +134,11 @@ pub enum PlanKind {
     Polarization,
     /// The exposure time, at each angle of the analyser if any are given.
     Exposures,
-    /// Nothing, or the angle of the analyser, under the flash.
+    /// Nothing, or the angle of the analyser, under a flash.
     Flash,
-    /// Where the panel lights up, at each angle of the analyser if any are given.
+    /// The lit position of the panel, at each angle of the analyser if any are given.
     Spots,
-    /// Anything, frame by frame.
+    /// Any quantity, frame by frame.
     Free,
 }
 
@@ -143,47 +146,47 @@ pub enum PlanKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraPlan {
-    /// Exposure time in ms; metered, over the whole turn of the analyser, when it is not given.
+    /// Exposure time in ms (default: metered, over the full rotation of the analyser).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure_ms: Option<f64>,
-    /// `"meter"` says so in words.
+    /// `"meter"` requests metering explicitly.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure: Option<ExposureMode>,
-    /// Gain.
+    /// Camera gain.
     pub gain: f64,
-    /// Exposures averaged into each frame, 1 to 16.
+    /// Number of exposures averaged into each frame, 1 to 16.
     pub average: u32,
-    /// Region of interest: left, top, width, height in pixels; the whole frame when it is not given.
+    /// Region of interest: left, top, width, height in pixels (default: the whole frame).
     pub roi: Option<[u32; 4]>,
 }
 
-/// How the exposure is found.
+/// Method of exposure selection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ExposureMode {
-    /// From trial frames over the whole turn of the analyser.
+    /// Trial frames over the full rotation of the analyser.
     Meter,
 }
 
-/// What the panel shows.
+/// Pattern on the panel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DisplayPlan {
-    /// The pattern.
+    /// Kind of pattern.
     pub pattern: PatternKind,
-    /// Middle of the disc, from the panel's middle to the right and up, in mm.
+    /// Centre of the disc in mm, to the right of and above the panel's centre.
     pub center_mm: [f64; 2],
     /// Diameter of the disc in mm.
     pub diameter_mm: f64,
 }
 
-/// Patterns.
+/// Kinds of patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PatternKind {
     /// A white disc.
     Disc,
-    /// Nothing.
+    /// Black.
     Black,
 }
 
@@ -191,13 +194,13 @@ pub enum PatternKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpotsPlan {
-    /// Middles of discs, from the panel's middle to the right and up, in mm, in the order they are taken.
+    /// Centres of discs in mm, to the right of and above the panel's centre, in order of capture.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub centers_mm: Vec<[f64; 2]>,
-    /// Their diameter in mm.
+    /// Diameter of the discs in mm.
     #[serde(default = "disc_mm")]
     pub diameter_mm: f64,
-    /// Stripes that move over the panel, for `reconstruct spots`.
+    /// Fringes on the panel, for `reconstruct spots`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fringes: Option<FringesPlan>,
 }
@@ -210,33 +213,33 @@ fn disc_mm() -> f64 {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FreeStep {
-    /// What the panel shows; as the plan's `display` when it is not given.
+    /// Pattern on the panel (default: the plan's `display`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub display: Option<DisplayPlan>,
-    /// Analyser angle in degrees. Where it is not given, that of the step before, and before the first one given, that
-    /// one; if none is given at all, the analyser is not touched.
+    /// Analyser angle in degrees. Default: that of the previous step; before the first stated angle, that angle. If no
+    /// step states one, the analyser is not moved.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub analyser_deg: Option<f64>,
-    /// Whether the flash is on.
+    /// True if the flash is on.
     pub flash: bool,
-    /// Exposure time in ms; as the plan's `camera` says when it is not given.
+    /// Exposure time in ms (default: that of the plan's `camera`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure_ms: Option<f64>,
 }
 
-/// Frames besides the series.
+/// Frames in addition to the series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Extra {
     /// With the camera's shutter closed: dark current and offset.
     Dark,
-    /// With panel and flash dark: ambient light and dark current. It is what reconstructions subtract; without it they
-    /// subtract the dark frame.
+    /// With panel and flash off: ambient light and dark current. Reconstructions subtract this frame, or else the dark
+    /// frame.
     DisplayBlack,
 }
 
 impl DisplayPlan {
-    /// As the panel understands it.
+    /// Pattern for the panel driver.
     pub fn pattern(&self) -> Pattern {
         match self.pattern {
             PatternKind::Black => Pattern::Black,
@@ -257,7 +260,7 @@ impl Default for DisplayPlan {
     }
 }
 
-/// The word that files use for a value.
+/// Serialised name of an enum value.
 pub fn word(value: impl Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }

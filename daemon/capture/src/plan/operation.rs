@@ -1,4 +1,4 @@
-//! The operation that a plan or a job asks for, with its options.
+//! Operation of a plan or a job, with its options.
 
 use nacre_base::Error;
 use nacre_base::fields::EXAMPLE_WORDS;
@@ -10,31 +10,32 @@ use serde_json::{Map, Value, json};
 use std::borrow::Cow;
 use std::fmt;
 
-/// An operation and its options: `{ "operation": "lut", "options": { "size": 512 } }`. Options that are left out have their defaults.
+/// An operation and its options: `{ "operation": "lut", "options": { "size": 512 } }`. Omitted options take their
+/// defaults.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PlannedOperation {
-    /// The operation.
+    /// Operation.
     pub operation: Method,
-    /// Its options, by their keys.
+    /// Options by key.
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub options: Map<String, Value>,
 }
 
 impl PlannedOperation {
-    /// Options as the operation takes them.
+    /// Options in the operation's format.
     pub fn values(&self) -> Value {
         let mut options = self.options.clone();
         if self.operation.is("hdr") {
-            // The bench stands still.
+            // The bench does not move between exposures.
             options.entry("align").or_insert(json!("off"));
         }
         Value::Object(options)
     }
 
-    /// Options of the operation `O`; none where the order is of another one.
+    /// Options of the operation `O`; `None` if another one is requested.
     ///
     /// # Errors
-    /// `Input`, which names the key.
+    /// `Input`, naming the key.
     pub fn options_of<O: Operation>(&self) -> Option<Result<O, Error>> {
         self.operation.is(O::NAME).then(|| read(&self.values()))
     }
@@ -42,16 +43,16 @@ impl PlannedOperation {
     /// The operation, ready to run.
     ///
     /// # Errors
-    /// `Input`, which names the key.
+    /// `Input`, naming the key.
     pub fn ready(&self) -> Result<Box<dyn Ready>, Error> {
         self.operation.operation().with(&self.values())
     }
 
-    /// Refuses options that are wrong whatever the frames show, and those that name files: a plan may come from elsewhere, and its results
-    /// are made on this machine.
+    /// Rejects options that are invalid for any frames, and options that name files: a plan may come from another
+    /// machine, but its results are computed on this one.
     ///
     /// # Errors
-    /// `Input`, which names the key.
+    /// `Input`, naming the key.
     pub fn check(&self) -> Result<(), Error> {
         let mut options = self.values();
         for field in &self.operation.operation().fields().list {
@@ -76,8 +77,8 @@ impl<'de> Deserialize<'de> for PlannedOperation {
 }
 
 impl PlannedOperation {
-    /// Of the keys in a plan, also as plans of the first version have them: `{ "method": "lut", "lut": { "size": 512 } }`, and options of
-    /// polarization beside its name.
+    /// From the keys of a plan, including those of version 1: `{ "method": "lut", "lut": { "size": 512 } }`, and
+    /// options of polarization beside its name.
     fn of(mut keys: Map<String, Value>) -> Result<Self, String> {
         let first = keys.shift_remove("method");
         let name = first
@@ -90,7 +91,7 @@ impl PlannedOperation {
             if operation.is("polarization") {
                 options = std::mem::take(&mut keys);
             } else {
-                // Plans were stored with defaults of polarization for any method.
+                // Plans of version 1 were stored with defaults of polarization for any method.
                 keys.retain(|key, value| {
                     !(key == "oblique" && value == "off" || key == "palette" && value == "cyclic")
                 });
@@ -136,7 +137,7 @@ impl JsonSchema for PlannedOperation {
     }
 }
 
-/// Operations on frames that a plan can ask for.
+/// Operations on frames that a plan can request.
 const PLANNED: [&str; 6] = ["polarization", "hdr", "lut", "bokeh", "spots", "flash"];
 
 /// An operation of the registry.
@@ -144,22 +145,22 @@ const PLANNED: [&str; 6] = ["polarization", "hdr", "lut", "bokeh", "spots", "fla
 pub struct Method(&'static dyn Registered);
 
 impl Method {
-    /// The operation of a name.
+    /// The operation with a name.
     pub fn of(name: &str) -> Option<Self> {
         operation(name).map(Self)
     }
 
-    /// Its name.
+    /// Name of the operation.
     pub fn name(self) -> &'static str {
         self.0.name()
     }
 
-    /// Whether it is the operation of this name.
+    /// True if the operation has this name.
     pub fn is(self, name: &str) -> bool {
         self.name() == name
     }
 
-    /// The operation.
+    /// The registered operation.
     pub fn operation(self) -> &'static dyn Registered {
         self.0
     }
@@ -171,7 +172,7 @@ pub fn names() -> String {
 }
 
 impl Default for Method {
-    /// Polarization: jobs of the first version know no other.
+    /// Polarization: the only method of jobs of version 1.
     fn default() -> Self {
         Self(&Entry::<nacre_polarimetry::Options>::NEW)
     }

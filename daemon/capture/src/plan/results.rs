@@ -1,4 +1,4 @@
-//! Estimate of a session's results, before the session.
+//! Prediction for a session's results, before the session.
 
 use super::{Limits, Plan, Role};
 use nacre_base::estimate::Work;
@@ -9,7 +9,7 @@ use nacre_lut::bokeh;
 use nacre_polarimetry::Model;
 
 impl Plan {
-    /// Time, memory and disk of the plan's reconstruction; `None` for a plan without one.
+    /// Time, memory and disk space of the plan's reconstruction; `None` for a plan without one.
     pub fn results_work(&self, limits: &Limits) -> Option<Work> {
         let planned = self.reconstruct.as_ref()?;
         let [width, height] = self.frame_size(limits);
@@ -37,12 +37,12 @@ impl Plan {
                 Operation::Fringes(photographs / (phases as usize).max(1)).work(info)
             }
             "flash" => Operation::Flash(photographs).work(info),
-            // The others do not begin from a session.
+            // Other operations do not start from a session.
             _ => return None,
         })
     }
 
-    /// Pixels of a row and of a column of the frames.
+    /// Width and height of the frames in pixels.
     pub(super) fn frame_size(&self, limits: &Limits) -> [usize; 2] {
         let camera = &limits.camera;
         self.camera.roi.map_or([camera.width, camera.height], |[_, _, width, height]| [width as usize, height as usize])

@@ -1,4 +1,4 @@
-//! A plan as the list of frames it asks for.
+//! Expansion of a plan into a list of frames.
 
 use super::fringes::EVEN;
 use super::{Added, AnalyserPlan, Extra, FreeStep, FringesPlan, Plan, PlanKind, UntilDecided, UntilSigma};
@@ -7,57 +7,57 @@ use serde::Serialize;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-/// One frame: how the bench is to be, and the file it goes to.
+/// One frame: state of the bench, and target file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Step {
     /// File in the session folder.
     pub file: String,
-    /// What the frame is for.
+    /// Purpose of the frame.
     pub role: Role,
-    /// How the bench is to be.
+    /// State of the bench.
     #[serde(flatten)]
     pub state: State,
 }
 
-/// What a frame is for.
+/// Purpose of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// One of the series.
+    /// Part of the series.
     Series,
-    /// Taken besides.
+    /// Additional frame.
     Extra(Extra),
 }
 
-/// How the bench is while a frame is exposed.
+/// State of the bench during an exposure.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct State {
-    /// What the panel shows.
+    /// Pattern on the panel.
     pub pattern: Pattern,
-    /// Where the analyser stands in degrees; it is left alone when this is not given.
+    /// Analyser angle in degrees; `None` leaves it unmoved.
     pub analyser_deg: Option<f64>,
-    /// The flash is on.
+    /// True if the flash is on.
     pub flash: bool,
-    /// The camera's shutter is closed.
+    /// True if the camera's shutter is closed.
     pub covered: bool,
-    /// Exposure time in ms; the session's when it is not given.
+    /// Exposure time in ms; `None` for the session's.
     pub exposure_ms: Option<f64>,
 }
 
 impl State {
-    /// Exposure time, given the session's.
+    /// Exposure time, given that of the session.
     pub fn exposure(&self, session: Duration) -> Duration {
         self.exposure_ms.map_or(session, |ms| Duration::from_secs_f64(ms / 1000.0))
     }
 }
 
 impl Plan {
-    /// The steps that are taken in any case, in order: extras first, so that they are there when the series is worked on.
+    /// Steps captured in any case, in order. Additional frames come first, because processing of the series needs them.
     pub fn steps(&self) -> Vec<Step> {
         self.steps_with(&[])
     }
 
-    /// The steps of a series to which this was added.
+    /// Steps of a series with these additions.
     pub fn steps_with(&self, chosen: &[Added]) -> Vec<Step> {
         let series = self.series(chosen);
         let mut seen = BTreeSet::new();
@@ -70,7 +70,7 @@ impl Plan {
             role: Role::Extra(extra),
             state: State {
                 pattern: Pattern::Black,
-                // Ambient light comes through the analyser too; a closed shutter hides it.
+                // Ambient light passes through the analyser, too; a closed shutter hides it.
                 analyser_deg: series.first().and_then(|s| s.analyser_deg).filter(|_| extra == Extra::DisplayBlack),
                 flash: false,
                 covered: extra == Extra::Dark,
@@ -86,7 +86,7 @@ impl Plan {
         extras.chain(series).collect()
     }
 
-    /// The frame that is subtracted from one of the series, if the plan takes any such: ambient light, or else the dark.
+    /// Frame subtracted from one of the series, if the plan captures any: ambient light, or else the dark frame.
     pub(crate) fn subtracted<'a>(&self, steps: &'a [Step], exposure_ms: Option<f64>) -> Option<&'a str> {
         let of = |extra| {
             let wanted = |s: &&Step| s.role == Role::Extra(extra) && s.state.exposure_ms == exposure_ms;
@@ -96,7 +96,7 @@ impl Plan {
         of(Extra::DisplayBlack).or_else(|| of(Extra::Dark))
     }
 
-    /// The plan with the exposures that metering found.
+    /// The plan with metered exposures.
     pub fn with_bracket(self, exposures_ms: Vec<f64>) -> Self {
         if self.bracket.is_none() {
             return self;
@@ -104,7 +104,8 @@ impl Plan {
         Self { exposures_ms, bracket: None, ..self }
     }
 
-    /// Exposures of each view: as given, or the session's; as many unknown ones as a bracket may have before it is metered.
+    /// Exposures of each view: as stated, or the session's; before metering, the maximum number of unknown ones of a
+    /// bracket.
     fn exposures(&self) -> Vec<Option<f64>> {
         let unknown = self.bracket.map_or(1, |b| b.at_most as usize);
         if self.exposures_ms.is_empty() {
@@ -114,27 +115,27 @@ impl Plan {
         }
     }
 
-    /// Whether the plan turns the analyser; otherwise it is left as it is.
+    /// True if the plan rotates the analyser.
     pub fn turns(&self) -> bool {
         self.analyser.is_some() || self.steps.iter().any(|s| s.analyser_deg.is_some())
     }
 
-    /// Whether the session's exposure time has to be metered.
+    /// True if the session's exposure time must be metered.
     pub fn is_metered(&self) -> bool {
         self.camera.exposure_ms.is_none() && self.steps().iter().any(|s| s.state.exposure_ms.is_none())
     }
 
-    /// Whether the series goes on until enough is known.
+    /// True for an adaptive series.
     pub fn is_open(&self) -> bool {
         self.until_sigma().is_some() || self.until_decided().is_some()
     }
 
-    /// When fringes are added until few pixels are undecided: what is wanted.
+    /// Stopping criterion of an adaptive fringe series.
     pub fn until_decided(&self) -> Option<UntilDecided> {
         self.spots.as_ref()?.fringes.as_ref()?.until()
     }
 
-    /// When the series ends by its σ: what is wanted.
+    /// Stopping criterion of an adaptive series of angles.
     pub fn until_sigma(&self) -> Option<UntilSigma> {
         match self.analyser {
             Some(AnalyserPlan::Until(until)) => Some(until),
@@ -142,7 +143,7 @@ impl Plan {
         }
     }
 
-    /// As many steps as there can be; the angles that are not known yet are such as may be added.
+    /// Maximum list of steps, with representative angles for those not yet known.
     pub fn most_steps(&self) -> Vec<Step> {
         let angles = self.until_sigma().map_or_else(Vec::new, |until| until.likely());
         let angles = angles.into_iter().map(|analyser_deg| Added::Angle { analyser_deg });
@@ -150,12 +151,12 @@ impl Plan {
         self.steps_with(&angles.chain(fringes).collect::<Vec<_>>())
     }
 
-    /// Frames at each analyser angle of a polarization series.
+    /// Number of frames at each analyser angle of a polarization series.
     pub(crate) fn frames_per_angle(&self) -> usize {
         self.exposures_ms.len().max(1)
     }
 
-    /// Frames that come with what is added to a series of `frames`.
+    /// Number of frames of an addition to a series of `frames`.
     pub(crate) fn frames_of(&self, added: Added, frames: usize) -> usize {
         let fringes = |f: &FringesPlan, count: u32| self.frames_before_fringes() + (f.phases * count) as usize;
         match (added, self.spots.as_ref().and_then(|s| s.fringes.as_ref())) {
@@ -164,7 +165,7 @@ impl Plan {
         }
     }
 
-    /// Frames of a spot scan's series before its fringes: discs and even light.
+    /// Number of frames of a fringe series before its fringes: discs and uniform light.
     pub(crate) fn frames_before_fringes(&self) -> usize {
         self.spots.as_ref().map_or(0, |s| s.centers_mm.len()) + EVEN.len()
     }
@@ -187,14 +188,14 @@ impl Plan {
         let state = |analyser_deg| State { pattern, analyser_deg, flash, covered: false, exposure_ms: None };
         match self.kind {
             PlanKind::Polarization if !self.exposures_ms.is_empty() => {
-                // Angle by angle, so that the exposures of one are merged as soon as they are there.
+                // Ordered by angle, so that the exposures of an angle can be merged as soon as they arrive.
                 let exposures = |a: Option<f64>| {
                     self.exposures_ms.iter().map(move |ms| State { exposure_ms: Some(*ms), ..state(a) })
                 };
                 angles.into_iter().flat_map(exposures).collect()
             }
             PlanKind::Polarization => angles.into_iter().map(state).collect(),
-            // A turn of the analyser costs less than a change of the exposure.
+            // A rotation of the analyser costs less time than a change of the exposure.
             PlanKind::Exposures | PlanKind::Flash => {
                 let at = |exposure_ms| angles.iter().map(|a| State { exposure_ms, ..state(*a) }).collect::<Vec<_>>();
                 self.exposures().into_iter().flat_map(at).collect()
@@ -209,7 +210,7 @@ impl Plan {
                 angles.iter().flat_map(at).collect()
             }
             PlanKind::Free => {
-                // Explicit, so that a resumed session does not depend on where the analyser happens to stand.
+                // Made explicit, so that a resumed session does not depend on the present angle of the analyser.
                 let mut angle = self.steps.iter().find_map(|s| s.analyser_deg);
                 let mut place = |step: &FreeStep| {
                     angle = step.analyser_deg.or(angle);
@@ -236,7 +237,7 @@ fn extra_file(extra: Extra, number: Option<usize>) -> String {
     number.map_or_else(|| format!("frames/{name}.png"), |number| format!("frames/{name}_{number:02}.png"))
 }
 
-/// Steps that follow each other in one state are taken in one go, so that repeats are different exposures.
+/// Groups consecutive steps with equal state, which are captured together, so that repetitions are separate exposures.
 pub fn groups(steps: &[Step]) -> impl Iterator<Item = &[Step]> {
     steps.chunk_by(|a, b| a.state == b.state)
 }
@@ -251,7 +252,7 @@ pub(super) mod tests {
         plan
     }
 
-    /// The plan of the documentation.
+    /// Plan from the documentation.
     pub(in crate::plan) const DOCUMENTED: &str = r#"
         kind = "polarization"
         name = "kinematic tile, first look"
@@ -296,7 +297,7 @@ pub(super) mod tests {
         let wanted = [0.0, 60.0, 120.0, 17.0].map(|a| [(Some(a), Some(1.0)), (Some(a), Some(10.0))]).concat();
         assert_eq!(series, wanted);
         assert!(!plan.is_metered());
-        // What was chosen comes after what was known, so that files keep their names.
+        // Additions come after the known steps, so that files keep their names.
         assert_eq!(steps[..8], plan.steps());
     }
 

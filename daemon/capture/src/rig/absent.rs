@@ -1,4 +1,4 @@
-//! Stands in for a device that a piece of work does not open.
+//! Placeholder for a device that a task does not open.
 
 use async_trait::async_trait;
 use nacre_drivers::{
@@ -7,7 +7,7 @@ use nacre_drivers::{
 };
 use std::time::Duration;
 
-/// Stage, camera and panel that refuse every command, but for switching the panel's light off.
+/// Stage, camera and panel that reject every command except switching the panel's light off.
 pub struct Absent;
 
 fn closed<T>(device: &str, command: &str) -> DeviceResult<T> {
@@ -35,7 +35,7 @@ impl Stage for Absent {
     async fn move_to(&mut self, _angle_deg: f64) -> DeviceResult<Arrived> {
         closed("stage", "move")
     }
-    /// Nothing to stop: the device is not open.
+    /// The device is not open, so nothing moves.
     async fn halt(&mut self) -> DeviceResult<()> {
         Ok(())
     }

@@ -13,9 +13,10 @@ use nacre_sim::socket::RemoteBench;
 use nacre_sim::{Devices as Simulated, SimDevice, describe};
 use std::sync::Arc;
 
-/// Description and limits of each device, or the error on opening it; None for a device that is neither described nor simulated.
+/// Description and limits of each device, or the error of opening it; `None` for a device that is neither configured
+/// nor simulated.
 pub struct Described {
-    /// The analyser's stage.
+    /// Stage of the analyser.
     pub stage: Option<DeviceResult<StageInfo>>,
     /// The camera.
     pub camera: Option<DeviceResult<CameraInfo>>,
@@ -26,10 +27,10 @@ pub struct Described {
 }
 
 impl Place {
-    /// Limits of the devices. Those of this machine are opened one by one, for a moment.
+    /// Limits of the devices. Devices of this machine are opened briefly, one at a time.
     ///
     /// # Errors
-    /// Nobody listens at the socket of the simulated bench.
+    /// No process listens on the socket of the simulated bench.
     pub fn describe(&self) -> DeviceResult<Described> {
         let simulated = match &self.simulated {
             Some(SimulatedBench::Here { config, .. }) => Some(describe(config)),
@@ -48,10 +49,11 @@ impl Place {
         })
     }
 
-    /// Limits of the devices of a session. Those of this machine are opened one by one, for a moment.
+    /// Limits of the devices of a session. Devices of this machine are opened briefly, one at a time.
     ///
     /// # Errors
-    /// The configuration lacks a device; nobody listens at the socket; a device cannot be opened or belongs to another process.
+    /// The configuration lacks a device; no process listens on the socket; a device cannot be opened or is in use by
+    /// another process.
     pub fn limits(&self) -> Result<Limits, Failure> {
         self.require(Uses::SESSION)?;
         let Described { stage, camera, display, flash } = self.describe()?;
@@ -64,7 +66,7 @@ impl Place {
     }
 }
 
-/// Looks at a device under its lock: opening a flash switches it off, whoever uses it.
+/// Accesses a device while holding its lock, because opening a flash switches it off even if another process uses it.
 fn locked<T>(
     section: &BenchSection,
     look: impl FnOnce(&BenchSection) -> Option<DeviceResult<T>>,

@@ -1,4 +1,4 @@
-//! Opens the devices of a bench, each on its own thread, locked against other processes.
+//! Opens the devices of a bench, each on a separate thread, with locks against other processes.
 
 mod absent;
 mod describe;
@@ -28,61 +28,61 @@ use tokio::runtime::Runtime;
 pub use describe::Described;
 pub use uses::{Use, Uses};
 
-/// How often somebody asked for the end.
+/// Number of requests to stop.
 pub type Stop = Arc<AtomicU32>;
 
-/// Where the bench is.
+/// Location of the bench.
 #[derive(Clone)]
 pub struct Place {
-    /// The simulated bench, whose devices stand in for those that are not described.
+    /// Simulated bench, whose devices replace those that are not configured.
     pub simulated: Option<SimulatedBench>,
-    /// Which devices of this machine take part.
+    /// Configured devices of this machine.
     pub section: BenchSection,
-    /// The way to the pattern page, where there is a service.
+    /// Connection to the pattern page, if a service runs.
     pub page: Option<Arc<Link>>,
 }
 
-/// Where the simulated bench is.
+/// Location of the simulated bench.
 #[derive(Clone, Debug)]
 pub enum SimulatedBench {
-    /// In this process, on its own time.
+    /// In this process, with simulated time.
     Here {
-        /// How it is configured.
+        /// Configuration.
         config: Box<BenchConfig>,
-        /// It takes as long as a real one.
+        /// True to run at the pace of a real bench.
         real_time: bool,
     },
-    /// In a process of its own, behind this socket.
+    /// In another process, behind this socket.
     Socket(PathBuf),
 }
 
 /// An open bench.
 pub struct Rig {
-    /// Its devices.
+    /// Devices.
     pub devices: Devices,
-    /// Its interlocks.
+    /// Interlocks.
     pub watch: Watch,
-    /// Identities of everything that shapes the frames.
+    /// Identities of all devices that affect the frames.
     pub ids: Vec<String>,
     /// Optics and distances.
     pub setup: Setup,
-    /// Which devices of this machine take part, if any.
+    /// Configured devices of this machine, if any.
     pub section: Option<BenchSection>,
-    /// The simulated bench as it is configured, if the frames are its.
+    /// Configuration of the simulated bench, if it provides the frames.
     pub config: Option<BenchConfig>,
-    /// The simulated bench itself, if it is in this process.
+    /// The simulated bench, if it is in this process.
     pub bench: Option<SharedBench>,
     #[allow(dead_code, reason = "held until the rig is dropped")]
     locks: Vec<DeviceLock>,
 }
 
 impl Place {
-    /// A bench in this process whose time is virtual.
+    /// A bench in this process with virtual time.
     pub fn here(config: BenchConfig) -> Self {
         SimulatedBench::Here { config: Box::new(config), real_time: false }.into()
     }
 
-    /// Optics and distances, as far as they are known without opening anything.
+    /// Optics and distances, as far as known without opening devices.
     pub fn setup(&self) -> Setup {
         match &self.simulated {
             Some(SimulatedBench::Here { config, .. }) if !self.section.has_real_device() => Setup {
@@ -108,12 +108,12 @@ impl From<SimulatedBench> for Place {
 }
 
 impl Rig {
-    /// Opens the devices that are used; a person who turns the analyser is asked until `stop` counts. Commands to the other
-    /// devices fail.
+    /// Opens the devices in use. A person who rotates the analyser is prompted until `stop` is set. Commands to the
+    /// other devices fail.
     ///
     /// # Errors
-    /// The configuration lacks a device that is needed; a device cannot be opened or belongs to another process; `Cancelled`
-    /// while a bench is built.
+    /// The configuration lacks a required device; a device cannot be opened or is in use by another process;
+    /// `Cancelled` while a bench is built.
     pub fn open(
         runtime: &Runtime,
         place: &Place,
@@ -145,7 +145,7 @@ impl Rig {
     }
 }
 
-/// Opens stage, camera, display and flash as `opens` says, in this order.
+/// Opens stage, camera, display and flash as selected by `opens`, in this order.
 async fn open(sources: Sources, opens: [bool; 4], locks: Vec<DeviceLock>) -> DeviceResult<Rig> {
     let mut rig = Rig {
         devices: Devices { stage: Box::new(Absent), camera: Box::new(Absent), display: Box::new(Absent), flash: None },
@@ -206,10 +206,10 @@ fn setup(simulated: &Simulated) -> Setup {
     }
 }
 
-/// A runtime on the calling thread, for the device calls of a command.
+/// A runtime on the calling thread, for device calls.
 ///
 /// # Errors
-/// The system refuses it its descriptors.
+/// The system has no file descriptors left.
 pub fn runtime() -> Result<Runtime, Failure> {
     let built = tokio::runtime::Builder::new_current_thread().enable_all().build();
     Ok(built.map_err(|e| Error::input("tokio", format!("cannot start: {e}"), "free some memory"))?)

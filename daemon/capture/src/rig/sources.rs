@@ -1,4 +1,4 @@
-//! Where each device of a bench comes from: how it is opened, and again after its link was lost.
+//! Sources of a bench's devices: how to open each, and how to reopen it after a lost connection.
 
 use super::terminal::Terminal;
 use super::{Stop, Use, Uses};
@@ -17,26 +17,26 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A lost link may take this long to come back.
+/// Time limit for restoring a lost connection.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Makes a new way to the simulated bench.
+/// Opens a new connection to the simulated bench.
 type Dial = Arc<dyn Fn() -> DeviceResult<Box<dyn Port>> + Send + Sync>;
 
-/// Where the devices of a bench come from.
+/// Sources of the devices of a bench.
 pub struct Sources {
-    /// Which devices of this machine take part.
+    /// Configured devices of this machine.
     pub section: BenchSection,
-    /// What the simulated devices are, if there are any.
+    /// Descriptions of the simulated devices, if any.
     pub simulated: Option<Devices>,
     /// The simulated bench, if it is in this process.
     pub bench: Option<SharedBench>,
     dial: Option<Dial>,
-    /// The simulated bench's socket, if it has one.
+    /// Socket of the simulated bench, if any.
     socket: Option<PathBuf>,
-    /// The time that devices of this machine report.
+    /// Clock for devices of this machine.
     clock: Arc<dyn Clock>,
-    /// The way to the pattern page, where there is a service.
+    /// Connection to the pattern page, if a service runs.
     pub page: Option<Arc<Link>>,
     stop: Stop,
 }
@@ -57,7 +57,7 @@ impl Sources {
         }
     }
 
-    /// Beside a simulated bench in this process.
+    /// In addition to a simulated bench in this process.
     pub fn beside(section: &BenchSection, bench: SharedBench, stop: &Stop) -> Self {
         let (simulated, shared) = (bench.look(|b| nacre_sim::describe(b.config())), bench.clone());
         let dial: Dial = Arc::new(move || Ok(Box::new(shared.clone()) as Box<dyn Port>));
@@ -70,10 +70,10 @@ impl Sources {
         }
     }
 
-    /// Beside a simulated bench behind a socket.
+    /// In addition to a simulated bench behind a socket.
     ///
     /// # Errors
-    /// Nobody listens there.
+    /// No process listens on the socket.
     pub fn with_socket(section: &BenchSection, path: &Path, stop: &Stop) -> DeviceResult<Self> {
         let owned = path.to_path_buf();
         let dial: Dial = Arc::new(move || Ok(Box::new(RemoteBench::connect(&owned)?) as Box<dyn Port>));
@@ -87,7 +87,7 @@ impl Sources {
         })
     }
 
-    /// Takes the locks of the simulated devices that are used: others may have the bench's other devices.
+    /// Locks the simulated devices in use; other processes may use the other devices of the bench.
     ///
     /// # Errors
     /// `Setup`, naming the holder.
@@ -104,7 +104,7 @@ impl Sources {
         used.map(|(id, ..)| DeviceLock::take(id, &place)).collect()
     }
 
-    /// How long a lost link may take: on the clock on the wall for what is plugged in somewhere, on the bench's otherwise.
+    /// Time limit for a lost connection: on the wall clock for real devices, otherwise on the bench's clock.
     pub fn patience(&self, real: bool) -> Patience {
         let clock: Arc<dyn Clock> = match &self.bench {
             Some(bench) if !real => Arc::new(bench.clone()),
@@ -113,10 +113,10 @@ impl Sources {
         Patience { total: PATIENCE, clock }
     }
 
-    /// What turns the analyser.
+    /// Stage of the analyser.
     ///
     /// # Errors
-    /// None is described.
+    /// None is configured.
     pub fn stage(&self) -> DeviceResult<Connect<dyn Stage>> {
         let Some(config) = self.section.stage.clone() else {
             let dial = self.dial("stage")?;
@@ -141,10 +141,10 @@ impl Sources {
         }))
     }
 
-    /// What takes the frames.
+    /// Camera.
     ///
     /// # Errors
-    /// None is described.
+    /// None is configured.
     pub fn camera(&self) -> DeviceResult<Connect<dyn Camera>> {
         let (config, clock) = (self.section.camera.clone(), self.clock.clone());
         let dial = if self.section.has_real_camera() { None } else { Some(self.dial("camera")?) };
@@ -155,14 +155,14 @@ impl Sources {
         }))
     }
 
-    /// What lights the sample.
+    /// Panel.
     ///
     /// # Errors
-    /// None is described.
+    /// None is configured.
     pub fn display(&self) -> DeviceResult<Connect<dyn Display>> {
         let (config, clock, dial) = (self.section.display.clone(), self.clock.clone(), self.dial.clone());
         if let Some(DisplayConfig { driver: DisplayDriver::Page { size_mm }, .. }) = config {
-            // Without a service nobody ever opens the page: it is dark, and shows nothing.
+            // Without a service, no page is ever open: the panel is dark, and shows nothing.
             let link = self.page.clone().unwrap_or_default();
             let response = config.as_ref().map_or(Duration::ZERO, DisplayConfig::response);
             let panel = move || PagePanel { link: link.clone(), size_mm, response, clock: clock.clone() };
@@ -178,10 +178,10 @@ impl Sources {
         }))
     }
 
-    /// What lights it too, in its guardian's hands wherever it outlives this process; None for a bench without a flash.
+    /// Flash, controlled through a guardian if it outlives this process; `None` for a bench without a flash.
     ///
     /// # Errors
-    /// None, so far.
+    /// None at present.
     pub fn flash(&self) -> DeviceResult<Option<Connect<dyn Flash>>> {
         let guarded = match (&self.section.flash, &self.socket, &self.dial) {
             (Some(config), _, _) if !config.is_simulated() => Guarded::Device(config.clone()),
@@ -197,7 +197,7 @@ impl Sources {
         Ok(Some(Box::new(move || Ok(Box::new(GuardedFlash::start(&guarded, clock.clone())?) as Box<dyn Flash>))))
     }
 
-    /// The simulated bench's door switch, where anything is simulated.
+    /// Door switch of the simulated bench, if any device is simulated.
     pub fn interlock(&self) -> Option<Connect<dyn Interlock>> {
         let dial = self.dial.clone()?;
         Some(Box::new(move || Ok(Box::new(SimDevice::new(dial()?)?) as Box<dyn Interlock>)))
@@ -208,7 +208,7 @@ impl Sources {
     }
 }
 
-/// The error of a device that is neither described nor simulated.
+/// Error of a device that is neither configured nor simulated.
 pub fn missing(what: &str) -> DeviceError {
     DeviceError::new(what, "open", format!("a {what} in the configuration"), "none")
         .remedy(format!(

@@ -1,12 +1,12 @@
-//! The person at the terminal, who turns the analyser.
+//! Prompts at the terminal to rotate the analyser.
 
 use super::Stop;
 use nacre_drivers::Prompt;
 use std::sync::atomic::Ordering;
 
-/// Asks the person at the terminal; gives up when the program is to stop.
+/// Prompts the person at the terminal; gives up when the program must stop.
 pub struct Terminal {
-    /// Counts who wants the end.
+    /// Number of requests to stop.
     pub stop: Stop,
 }
 
@@ -24,7 +24,7 @@ impl Prompt for Terminal {
             if !poll(&mut [PollFd::new(&stdin, PollFlags::IN)], Some(&wait)).is_ok_and(|ready| ready > 0) {
                 continue;
             }
-            // Byte by byte, since what is read ahead is not seen by the next poll.
+            // Read byte by byte, because buffered input is invisible to the next poll.
             let mut byte = [0];
             match rustix::io::read(&stdin, &mut byte)? {
                 0 => return Err(Error::new(ErrorKind::UnexpectedEof, "the end of the terminal's input")),

@@ -1,4 +1,4 @@
-//! The devices that a command needs, and the error that names missing ones.
+//! Devices required by a command, and the error that names missing ones.
 
 use super::Place;
 use crate::setup::BenchSection;
@@ -7,21 +7,21 @@ use nacre_drivers::camera::CameraDriver;
 use nacre_drivers::display::DisplayDriver;
 use nacre_drivers::stage::StageDriver;
 
-/// How a piece of work uses a device.
+/// Use of a device by a task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Use {
-    /// The device stays closed, and free for other processes.
+    /// The device stays closed, and available to other processes.
     Never,
-    /// The device is opened if there is one.
+    /// The device is opened if it exists.
     IfThere,
-    /// The work fails without the device.
+    /// The task fails without the device.
     Always,
 }
 
-/// How a piece of work uses each device of a bench.
+/// Use of each device of a bench by a task.
 #[derive(Clone, Copy, Debug)]
 pub struct Uses {
-    /// The analyser's stage.
+    /// Stage of the analyser.
     pub stage: Use,
     /// The camera.
     pub camera: Use,
@@ -35,13 +35,13 @@ impl Uses {
     /// No device.
     pub const NONE: Self = Self { stage: Use::Never, camera: Use::Never, display: Use::Never, flash: Use::Never };
 
-    /// A session: everything, and the flash if there is one.
+    /// A session: all devices, and the flash if it exists.
     pub const SESSION: Self =
         Self { stage: Use::Always, camera: Use::Always, display: Use::Always, flash: Use::IfThere };
 }
 
 impl Place {
-    /// Which of stage, camera, display and flash there are: simulated, or described as devices of this machine.
+    /// Existence of stage, camera, display and flash: simulated, or configured as devices of this machine.
     pub(super) fn has(&self) -> [bool; 4] {
         let s = &self.section;
         let described = [
@@ -53,15 +53,15 @@ impl Place {
         described.map(|there| there || self.simulated.is_some())
     }
 
-    /// Whether there is a panel.
+    /// True if there is a panel.
     pub fn has_display(&self) -> bool {
         self.has()[2]
     }
 
-    /// Checks that the configuration has the devices that are needed, before any of them is opened.
+    /// Checks that the configuration has the required devices, before any is opened.
     ///
     /// # Errors
-    /// `Input`, naming all sections to add.
+    /// `Input`, naming all missing sections.
     pub fn require(&self, uses: Uses) -> Result<(), Error> {
         let uses = [("stage", uses.stage), ("camera", uses.camera), ("display", uses.display), ("flash", uses.flash)];
         let missing: Vec<&str> =
@@ -79,7 +79,7 @@ impl Place {
 }
 
 impl BenchSection {
-    /// The section without the devices that are not used.
+    /// The section without unused devices.
     pub fn only(&self, uses: Uses) -> Self {
         Self {
             stage: self.stage.clone().filter(|_| uses.stage != Use::Never),
@@ -115,7 +115,7 @@ mod tests {
         assert!(missing("", Uses { flash: Use::Always, ..Uses::NONE }).contains("[bench.flash]"));
         place(lamp, None).require(Uses { flash: Use::Always, ..Uses::NONE }).unwrap();
         place("", None).require(Uses { flash: Use::IfThere, ..Uses::NONE }).unwrap();
-        // A simulated device is none without a simulated bench.
+        // A simulated device does not exist without a simulated bench.
         assert!(missing("camera = { driver = { kind = \"simulated\" } }", CAMERA).contains("no camera"));
         place("stage = { driver = { kind = \"hand\" } }", None)
             .require(Uses { stage: Use::Always, ..Uses::NONE })

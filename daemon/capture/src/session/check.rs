@@ -1,4 +1,4 @@
-//! `nacre check`: is a session folder complete, and are its files what the journal says?
+//! `nacre check`: completeness of a session folder, and agreement of its files with the journal.
 
 use super::salvage::misfit;
 use super::{BROKEN, Journal, MAX_FRAME, SESSION_FILE, Salvaged, Seal, SeriesEnd, SessionFile};
@@ -8,37 +8,37 @@ use nacre_frames::FILE_NAME as FRAMES_FILE;
 use serde::Serialize;
 use std::path::Path;
 
-/// State of a session folder.
+/// Condition of a session folder.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Condition {
-    /// Frames that the plan asks for.
+    /// Number of planned frames.
     pub planned: usize,
-    /// Frames that are there, whole and as recorded.
+    /// Number of frames that exist and match their checksum.
     pub intact: usize,
-    /// The capture ran to its end.
+    /// True if the capture is finished.
     pub finished: bool,
-    /// How a series that ends by its σ has ended.
+    /// End of an adaptive series.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ended: Option<SeriesEnd>,
-    /// What is wrong with the rest.
+    /// Problems with other files.
     pub trouble: Vec<Trouble>,
-    /// How the journal was salvaged, if it was damaged.
+    /// Salvage of the journal, if it was damaged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub salvaged: Option<Salvaged>,
-    /// Files whose checksums are not recorded, in sessions of older versions and salvaged ones.
+    /// Files without recorded checksums, in sessions of older versions and salvaged ones.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub unverified: Vec<&'static str>,
-    /// Results that the plan asks for are missing.
+    /// True if requested results are missing.
     #[serde(skip)]
     lacks_results: bool,
 }
 
-/// One file that is not as it should be.
+/// A problem with one file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Trouble {
-    /// The file.
+    /// File name.
     pub file: String,
-    /// What is wrong.
+    /// Problem.
     pub problem: String,
 }
 
@@ -49,7 +49,7 @@ impl Condition {
         self.trouble.iter().find(described).map(|t| t.file.as_str())
     }
 
-    /// Whether there is nothing left to take or to make.
+    /// True if nothing remains to be captured or computed.
     pub fn is_complete(&self) -> bool {
         self.finished && self.trouble.is_empty() && !self.lacks_results
     }
@@ -58,16 +58,16 @@ impl Condition {
 /// Checks a session folder without changing it.
 ///
 /// # Errors
-/// `Input` when it is no session folder or its journal is damaged.
+/// `Input` if it is no session folder or its journal is damaged.
 pub fn check(folder: &Path) -> Result<Condition, Error> {
     let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| unreadable_journal(folder, &e))?;
     condition(folder, &journal)
 }
 
-/// The state of a session folder with this journal.
+/// Condition of a session folder with this journal.
 pub(super) fn condition(folder: &Path, journal: &Journal) -> Result<Condition, Error> {
     let remedy = "give a folder that `nacre capture` made; its frames may still be whole";
-    // A plan that was changed since says nothing about the frames.
+    // A modified plan no longer describes the frames.
     let plan = match seal(folder, journal, SESSION_FILE) {
         Seal::Broken | Seal::Missing if journal.len() > 0 => None,
         _ => Some(SessionFile::read(folder).map_err(|e| Error::file(&folder.join(SESSION_FILE), e, remedy))?.plan),

@@ -1,22 +1,22 @@
-//! The few things a session does to a disk, so that power loss at any of them can be tried.
+//! Disk operations of a session, abstracted so that power loss can be simulated at each of them.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Operations on a disk. Each returns once it is done; those that say so also once it is durable.
+/// Disk operations. Each returns once it is done, and where stated, once it is durable.
 pub trait Disk {
-    /// Makes a folder; it must not exist.
+    /// Creates a folder, which must not exist.
     fn create_dir(&self, path: &Path) -> io::Result<()>;
-    /// Writes a file whole and syncs its contents (its name is durable only after the folder's sync).
+    /// Writes a file and syncs its contents (its name is durable only after the folder's sync).
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
-    /// Renames a file over another.
+    /// Renames a file, replacing another.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
     /// Makes names in a folder durable.
     fn sync_dir(&self, path: &Path) -> io::Result<()>;
-    /// Appends to a file, making it if needed, and syncs its contents.
+    /// Appends to a file, creating it if necessary, and syncs its contents.
     fn append(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
-    /// Cuts a file to a length and syncs it.
+    /// Truncates a file and syncs it.
     fn truncate(&self, path: &Path, length: u64) -> io::Result<()>;
 }
 
@@ -49,15 +49,15 @@ impl Disk for RealDisk {
     }
 
     fn truncate(&self, path: &Path, length: u64) -> io::Result<()> {
-        // A journal that never became durable is an empty one.
+        // A journal that never became durable is empty.
         let file = OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
         file.set_len(length)?;
         file.sync_all()
     }
 }
 
-/// Kills this process, as nothing else can, just before the disk operation with the number in `NACRE_DIE_AT`: so that
-/// tests see what a kill at any step leaves behind. Not in release builds.
+/// Kills this process just before the disk operation with the number in `NACRE_DIE_AT`, for tests of kills at any step.
+/// Not in release builds.
 pub struct MortalDisk {
     left: std::cell::Cell<Option<u64>>,
 }

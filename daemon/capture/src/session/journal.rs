@@ -1,4 +1,4 @@
-//! The journal: JSON Lines, each with its number, its time and a CRC over entry and time.
+//! Journal: JSON lines, each with sequence number, time, and a CRC over entry and time.
 
 use super::series::SeriesEnd;
 use crate::failure::Failure;
@@ -12,7 +12,7 @@ use std::io;
 use std::path::Path;
 use std::time::SystemTime;
 
-/// Longest journal that is read; a frame takes about 400 bytes.
+/// Maximum size of a journal in bytes; a frame takes about 400 bytes.
 pub(super) const MAX_BYTES: u64 = 256 << 20;
 
 /// A journal with damaged or missing lines.
@@ -20,13 +20,13 @@ pub(super) const MAX_BYTES: u64 = 256 << 20;
 #[error("journal: {0}")]
 pub(super) struct Damaged(String);
 
-/// The error of a session whose journal cannot be read, with the remedy that fits.
+/// Error for an unreadable journal, with the appropriate remedy.
 pub fn unreadable_journal(folder: &Path, error: &io::Error) -> Error {
     let remedy = if is_damaged(error) { SALVAGE } else { "give a folder that `nacre capture` made" };
     Error::file(folder, error, remedy)
 }
 
-/// Whether this is the error of a damaged journal, of which [`salvage`](super::salvage()) keeps the rest.
+/// True for the error of a damaged journal, which [`salvage`](super::salvage()) can recover.
 pub fn is_damaged(error: &io::Error) -> bool {
     error.get_ref().is_some_and(|inner| inner.is::<Damaged>())
 }
@@ -34,135 +34,137 @@ pub fn is_damaged(error: &io::Error) -> bool {
 /// Remedy for a damaged journal. Clients of the service read it too, so it names no path.
 pub const SALVAGE: &str = "`nacre salvage` on this folder makes a readable session of the rest";
 
-/// What happened.
+/// Event of a session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Entry {
-    /// The session was made.
+    /// The session was created.
     Begun,
-    /// A process went on with it.
+    /// A process resumed it.
     Resumed,
-    /// `session.json` or `frames.json` was written with these contents, and is not to change any more.
+    /// `session.json` or `frames.json` was written with these contents, and must not change any more.
     Sealed {
-        /// Its name.
+        /// File name.
         file: String,
-        /// Of its contents.
+        /// SHA-256 of its contents.
         sha256: String,
     },
-    /// A frame is about to be stored.
+    /// A frame will be stored.
     Intent {
-        /// Its file.
+        /// File name.
         file: String,
     },
-    /// A frame is stored for good.
+    /// A frame is durably stored.
     Committed(Commit),
-    /// A step went wrong in a way that may pass, and is done again.
+    /// A step is repeated after a transient error.
     Retried {
-        /// What went wrong.
+        /// Error message.
         reason: String,
     },
-    /// The series goes on, since too little is known.
+    /// The series continues, because the required accuracy is not reached.
     Chosen {
-        /// What is added to it.
+        /// Addition to the series.
         #[serde(flatten)]
         added: Added,
-        /// σ before it, in degrees: 90 % of the pixels that carry an orientation are as good.
+        /// 90th percentile of σ before it, in degrees, over the pixels with an orientation.
         sigma_deg: Option<f64>,
-        /// Part of the pixels that were undecided before it, for a spot scan.
+        /// Fraction of undecided pixels before it, for a fringe series.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         undecided: Option<f64>,
     },
-    /// A series that goes on until enough is known has ended.
+    /// An adaptive series has ended.
     Ended(SeriesEnd),
-    /// The session waits, with the light off.
+    /// The session is paused, with the light off.
     Paused,
-    /// The session ended early.
+    /// The session was stopped or failed.
     Stopped {
-        /// Why.
+        /// Reason.
         reason: String,
-        /// The device that was at fault, so that a person can be told what helps.
+        /// Device that caused it, for a specific remedy.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         fault: Option<Box<DeviceError>>,
     },
-    /// All frames and `frames.json` are there.
+    /// All frames and `frames.json` are stored.
     Finished(Timing),
-    /// The entries before this one are the undamaged ones of a damaged journal.
+    /// The preceding entries are the undamaged ones of a damaged journal.
     Salvaged(Salvaged),
 }
 
-/// How a journal was salvaged.
+/// Salvage of a journal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Salvaged {
-    /// File in the session folder that the damaged journal was kept as.
+    /// File in the session folder with the damaged journal.
     pub damaged_journal: String,
-    /// Number of entries that were kept.
+    /// Number of recovered entries.
     pub kept: usize,
-    /// Number of lines that could not be read.
+    /// Number of unreadable lines.
     pub damaged: usize,
-    /// Number of entries that are lost, at least: how many followed the last undamaged line is unknown.
+    /// Minimum number of lost entries; the number after the last undamaged line is unknown.
     pub lost: usize,
-    /// Whether the capture had ended before the damage: its last entry was kept, or all frames and `frames.json` were there.
+    /// True if the capture had ended before the damage: its last entry was recovered, or all frames and `frames.json`
+    /// existed.
     pub finished: bool,
 }
 
-/// Where the time of a run went.
+/// Times of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
-    /// What the devices needed, on their own clock, metering included.
+    /// Time of the devices on their clock, including metering.
     pub device_s: f64,
-    /// What the engine itself added: time on the clock on the wall in which no device was at work.
+    /// Time added by the engine: wall-clock time without any device at work.
     pub engine_s: f64,
-    /// Of all that happened, on the clock on the wall.
+    /// Total wall-clock time.
     pub wall_s: f64,
 }
 
-/// A stored frame and the evidence that it is fresh. Times are nanoseconds on the bench's clock.
+/// A stored frame with evidence of freshness. Times are nanoseconds on the bench's clock.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Commit {
     /// File in the session folder.
     pub file: String,
-    /// Of the file.
+    /// SHA-256 of the file.
     pub sha256: String,
     /// Sequence number of the (last) frame.
     pub sequence: u64,
     /// End of its readout.
     pub timestamp_ns: u64,
-    /// Since when nothing changed on the bench.
+    /// Time of the last change on the bench.
     pub steady_since_ns: u64,
-    /// First sequence number that is sure to have the camera's controls.
+    /// First sequence number certain to use the camera's controls.
     pub first_sequence: u64,
-    /// Exposure time in force.
+    /// Exposure time in use.
     pub exposure_ns: u64,
-    /// Gain in force.
+    /// Gain in use.
     pub gain: f64,
-    /// Analyser angle in degrees, as the stage reports it; of a plan that does not turn the analyser, as it was before the frames.
+    /// Analyser angle in degrees reported by the stage; if the plan does not rotate the analyser, its angle before the
+    /// frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analyser_deg: Option<f64>,
-    /// Stale frames dropped before it.
+    /// Number of stale frames dropped before it.
     pub dropped: u32,
 }
 
-/// The journal in memory: what its lines said.
+/// Parsed journal.
 #[derive(Default)]
 pub struct Journal {
     entries: Vec<Entry>,
-    /// When each happened, in Unix milliseconds; older versions did not record it.
+    /// Time of each entry in Unix milliseconds; older versions did not record it.
     times_ms: Vec<Option<u64>>,
-    /// Where the last commit of each file is among the entries.
+    /// Index of each file's last commit among the entries.
     commits: HashMap<String, usize>,
 }
 
 /// One line of a journal.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Line {
-    /// Its number, from 0.
+    /// Sequence number, from 0.
     pub seq: usize,
-    /// When the entry was made, in Unix milliseconds.
+    /// Time of the entry in Unix milliseconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_ms: Option<u64>,
-    /// Over entry and time.
+    /// CRC over entry and time.
     pub crc: u32,
-    /// The entry.
+    /// Entry.
     pub entry: Entry,
 }
 
@@ -170,10 +172,10 @@ impl Journal {
     /// File name inside a session folder.
     pub const NAME: &'static str = "journal";
 
-    /// Reads a journal; also returns the length of its intact part. A missing file is an empty journal.
+    /// Reads a journal; also returns the length of its intact part. A missing file counts as an empty journal.
     ///
     /// # Errors
-    /// `InvalidData` when a line before the last is damaged, which no crash can cause.
+    /// `InvalidData` if a line before the last is damaged, which no crash can cause.
     pub fn read(path: &Path) -> io::Result<(Self, u64)> {
         let damaged = |problem: String| io::Error::new(io::ErrorKind::InvalidData, Damaged(problem));
         let bytes = match input::read(path, MAX_BYTES) {
@@ -201,17 +203,17 @@ impl Journal {
     /// Adds an entry and returns its line.
     ///
     /// # Errors
-    /// Never for entries of this program; kept so that a failed serialisation cannot be overlooked.
+    /// Never for entries of this program; declared so that a failed serialisation cannot go unnoticed.
     pub fn line(&mut self, entry: Entry) -> io::Result<String> {
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         self.line_of(entry, since.ok().and_then(|t| u64::try_from(t.as_millis()).ok()))
     }
 
-    /// Adds an entry of this time, in Unix milliseconds, and returns its line.
+    /// Adds an entry with this Unix time in milliseconds and returns its line.
     pub(super) fn line_of(&mut self, entry: Entry, time_ms: Option<u64>) -> io::Result<String> {
         let line = Line { seq: self.entries.len(), time_ms, crc: checksum(&entry, time_ms)?, entry };
         let text = serde_json::to_string(&line).map_err(io::Error::other)? + "\n";
-        // JSON has no NaN: the line would be taken for a damaged one when it is read.
+        // JSON has no NaN, so the line would count as damaged when it is read.
         if parse(text.as_bytes()).is_err() {
             return Err(io::Error::new(io::ErrorKind::InvalidData, format!("the journal cannot hold {text}")));
         }
@@ -233,7 +235,7 @@ impl Journal {
         self.entries.len()
     }
 
-    /// The last commit of a file.
+    /// Last commit of a file.
     pub fn commit(&self, file: &str) -> Option<&Commit> {
         match self.entries.get(*self.commits.get(file)?) {
             Some(Entry::Committed(commit)) => Some(commit),
@@ -241,18 +243,18 @@ impl Journal {
         }
     }
 
-    /// All files that were committed, in the order of their first commits.
+    /// All committed files, in the order of their first commits.
     pub fn files(&self) -> Vec<String> {
         let mut seen = HashSet::new();
         self.commits().filter(|c| seen.insert(&c.file)).map(|c| c.file.clone()).collect()
     }
 
-    /// All commits in order.
+    /// All commits, in order.
     pub fn commits(&self) -> impl Iterator<Item = &Commit> {
         self.entries.iter().filter_map(|e| if let Entry::Committed(c) = e { Some(c) } else { None })
     }
 
-    /// Whether the session was finished, and no frame was taken again since.
+    /// True if the session was finished and no frame was captured again since.
     pub fn finished(&self) -> bool {
         let ended = |entry: &Entry| match entry {
             Entry::Finished(_) => Some(true),
@@ -263,18 +265,18 @@ impl Journal {
         self.entries.iter().rev().find_map(ended).unwrap_or(false)
     }
 
-    /// How the journal was salvaged, the last time that it was.
+    /// Last salvage of the journal, if any.
     pub fn salvaged(&self) -> Option<&Salvaged> {
         self.entries.iter().rev().find_map(|e| if let Entry::Salvaged(s) = e { Some(s) } else { None })
     }
 
-    /// All entries in order, each with its time in Unix seconds where it is known.
+    /// All entries in order, each with its Unix time in seconds if known.
     pub fn timed(&self) -> impl DoubleEndedIterator<Item = (Option<f64>, &Entry)> {
         let seconds = |ms: &Option<u64>| ms.map(|ms| ms as f64 / 1000.0);
         self.times_ms.iter().map(seconds).zip(&self.entries)
     }
 
-    /// SHA-256 with which a file was sealed.
+    /// Sealed SHA-256 of a file.
     pub(crate) fn sealed(&self, name: &str) -> Option<&str> {
         self.entries.iter().rev().find_map(|e| match e {
             Entry::Sealed { file, sha256 } if file == name => Some(sha256.as_str()),
@@ -282,30 +284,30 @@ impl Journal {
         })
     }
 
-    /// Where the analyser stood at the first frame that says so, in degrees.
+    /// Analyser angle in degrees at the first frame that records it.
     pub fn stood(&self) -> Option<f64> {
         self.commits().find_map(|c| c.analyser_deg)
     }
 
-    /// What was added to the series.
+    /// Additions to the series.
     pub fn chosen(&self) -> Vec<Added> {
         let added = |e: &Entry| if let Entry::Chosen { added, .. } = e { Some(*added) } else { None };
         self.entries.iter().filter_map(added).collect()
     }
 
-    /// How a series that goes on until enough is known has ended.
+    /// End of an adaptive series.
     pub fn ended(&self) -> Option<SeriesEnd> {
         self.entries.iter().find_map(|e| if let Entry::Ended(end) = e { Some(*end) } else { None })
     }
 
-    /// Frames that the session will have: as far as is known, and at most.
+    /// Number of frames of the session: as far as known, and at most.
     pub fn planned(&self, plan: &Plan) -> [usize; 2] {
         let known = plan.steps_with(&self.chosen()).len();
         let open = plan.is_open() && self.ended().is_none() && !self.finished();
         [known, if open { plan.most_steps().len() } else { known }]
     }
 
-    /// Why it ended early, if that is the last thing that happened.
+    /// Reason of an early end, if that is the last entry.
     pub fn why_stopped(&self) -> Option<String> {
         match self.entries.last() {
             Some(Entry::Stopped { reason, .. }) => Some(reason.clone()),
@@ -313,7 +315,7 @@ impl Journal {
         }
     }
 
-    /// The device that ended it, if one did and nothing happened since.
+    /// Device that ended the session, if that is the last entry.
     pub fn fault(&self) -> Option<&DeviceError> {
         match self.entries.last() {
             Some(Entry::Stopped { fault, .. }) => fault.as_deref(),
@@ -321,19 +323,19 @@ impl Journal {
         }
     }
 
-    /// Where the time went, of a finished session.
+    /// Times of a finished session.
     pub fn timing(&self) -> Option<Timing> {
         self.entries.iter().rev().find_map(|e| if let Entry::Finished(t) = e { Some(*t) } else { None })
     }
 
-    /// Whether the last thing that happened is an early end.
+    /// True if the last entry is an early end.
     pub fn stopped(&self) -> bool {
         matches!(self.entries.last(), Some(Entry::Stopped { .. }))
     }
 }
 
 impl Entry {
-    /// That a session ended early, and why.
+    /// Entry for an early end.
     pub fn stopped(failure: &Failure) -> Self {
         Self::Stopped { reason: failure.to_string(), fault: failure.fault().cloned().map(Box::new) }
     }
@@ -348,7 +350,7 @@ fn checksum(entry: &Entry, time_ms: Option<u64>) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
-/// Reads a line, or says why it cannot be read.
+/// Parses a line, or returns the reason why it cannot be read.
 pub(super) fn parse(line: &[u8]) -> Result<Line, &'static str> {
     let text = line.strip_suffix(b"\n").ok_or("is cut off")?;
     let text = std::str::from_utf8(text).map_err(|_| "is not UTF-8")?;

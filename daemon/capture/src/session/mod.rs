@@ -1,8 +1,9 @@
-//! A session folder: the truth about a capture, whatever happens to the process that writes it.
+//! Session folder: the crash-safe record of a capture.
 //!
-//! `session.json` says what was asked for and with which devices; `journal` records each step before (intent) and
-//! after (commit, with the file's SHA-256), and the SHA-256 of `session.json` and `frames.json`; `frames/` holds the
-//! frames. Files appear whole: temporary file, sync, rename, directory sync. A torn last line of the journal is cut.
+//! `session.json` holds the plan and the devices. `journal` records each step before (intent) and after (commit, with
+//! the file's SHA-256), and the SHA-256 of `session.json` and `frames.json`. `frames/` holds the frames. Files are
+//! written atomically: temporary file, sync, rename, directory sync. An incomplete last line of the journal is
+//! truncated.
 
 mod check;
 mod disk;
@@ -38,37 +39,37 @@ pub struct SessionFile {
     /// Version of the format.
     #[serde(default)]
     pub version: Version<1>,
-    /// Version of the program that captured.
+    /// Version of the capturing program.
     pub software: String,
-    /// When the session was begun, in Unix seconds.
+    /// Start of the session in Unix seconds.
     pub created: u64,
-    /// What was asked for.
+    /// Capture plan.
     pub plan: Plan,
     /// Identities of the devices.
     pub devices: Vec<String>,
     /// Exposure time in seconds, metered or as planned.
     pub exposure_s: f64,
-    /// What the frames were taken with.
+    /// Optics and distances of the bench.
     pub setup: Setup,
-    /// The simulated bench, for simulated sessions.
+    /// Description of the simulated bench, for simulated sessions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bench: Option<nacre_sim::BenchConfig>,
-    /// Which devices of the machine took part, if any.
+    /// Configured devices of the machine, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub section: Option<BenchSection>,
 }
 
-/// Largest `session.json` and `frames.json` that are read, in bytes.
+/// Maximum size of `session.json` and `frames.json` in bytes.
 const MAX_DESCRIPTION: u64 = 64 << 20;
 
-/// Largest frame that is read, in bytes.
+/// Maximum size of a frame in bytes.
 const MAX_FRAME: u64 = 4 << 30;
 
 impl SessionFile {
     /// Reads the description of a session folder.
     ///
     /// # Errors
-    /// As the system answers; `InvalidData` for anything that is no such description.
+    /// Those of the system; `InvalidData` for any other content.
     pub fn read(folder: &Path) -> io::Result<Self> {
         let invalid =
             |problem: String| io::Error::new(io::ErrorKind::InvalidData, format!("{SESSION_FILE}: {problem}"));
@@ -81,7 +82,7 @@ impl SessionFile {
         Ok(session)
     }
 
-    /// Checks every number, apart from device limits.
+    /// Validates all numbers, except for device limits.
     fn check(&self) -> Result<(), String> {
         self.plan.check_values()?;
         match self.exposure_s {
@@ -91,10 +92,10 @@ impl SessionFile {
     }
 }
 
-/// Name of the description inside a session folder.
+/// File name of the description inside a session folder.
 pub use nacre_frames::SESSION_FILE;
 
-/// An open session folder, which no other process can open meanwhile.
+/// An open session folder, locked against other processes.
 pub struct Session<D: Disk> {
     folder: PathBuf,
     disk: D,
@@ -104,10 +105,10 @@ pub struct Session<D: Disk> {
 }
 
 impl<D: Disk> Session<D> {
-    /// Makes a new session folder with its description; `folder` must be vacant ([`is_vacant`]).
+    /// Creates a new session folder with its description; `folder` must be vacant ([`is_vacant`]).
     ///
     /// # Errors
-    /// As the system answers.
+    /// Those of the system.
     pub fn create(disk: D, folder: &Path, description: &SessionFile) -> io::Result<Self> {
         if !folder.is_dir() {
             disk.create_dir(folder)?;
@@ -127,12 +128,12 @@ impl<D: Disk> Session<D> {
         Ok(session)
     }
 
-    /// Opens a folder to go on with it: reads the journal and cuts a torn tail.
+    /// Opens a folder to continue the session: reads the journal and truncates an incomplete last line.
     ///
     /// # Errors
-    /// As the system answers; `WouldBlock` while another process has it open; `InvalidData` for a journal that is damaged
-    /// before its tail, for a `session.json` or `frames.json` that was changed, and for a salvaged journal that no longer says
-    /// which step a frame belongs to.
+    /// Those of the system; `WouldBlock` while another process has it open. `InvalidData` for a journal damaged before
+    /// its last line, for a modified `session.json` or `frames.json`, and for a salvaged journal that no longer
+    /// identifies the step of a frame.
     pub fn open(disk: D, folder: &Path) -> io::Result<Self> {
         let lock = lock(folder)?;
         let (journal, intact) = Journal::read(&folder.join(Journal::NAME))?;
@@ -174,21 +175,21 @@ impl<D: Disk> Session<D> {
         &self.folder
     }
 
-    /// What happened so far.
+    /// Journal so far.
     pub fn journal(&self) -> &Journal {
         &self.journal
     }
 
-    /// Whether a step's file is committed and still what the journal says.
+    /// True if a step's file is committed and matches the journal.
     pub fn has(&self, file: &str) -> bool {
         let bytes = || input::read(&self.folder.join(file), MAX_FRAME).ok();
         self.journal.commit(file).is_some_and(|c| bytes().is_some_and(|b| sha256(&b) == c.sha256))
     }
 
-    /// Stores a frame: intent, file, commit. `evidence` says why the frame is fresh.
+    /// Stores a frame: intent, file, commit. `evidence` proves the frame's freshness.
     ///
     /// # Errors
-    /// As the system answers; the file is then not committed and will be taken again.
+    /// Those of the system; the file is then not committed and will be captured again.
     pub fn store(&mut self, file: &str, bytes: &[u8], evidence: Commit) -> io::Result<()> {
         self.record(Entry::Intent { file: file.into() })?;
         write_whole(&self.disk, &self.folder, file, bytes)?;
@@ -198,7 +199,7 @@ impl<D: Disk> Session<D> {
     /// Writes `frames.json` and closes the session.
     ///
     /// # Errors
-    /// As the system answers.
+    /// Those of the system.
     pub fn finish(&mut self, frames_json: &str, timing: Timing) -> io::Result<()> {
         write_whole(&self.disk, &self.folder, FRAMES_FILE, frames_json.as_bytes())?;
         self.seal(FRAMES_FILE, frames_json.as_bytes())?;
@@ -208,7 +209,7 @@ impl<D: Disk> Session<D> {
     /// Adds an entry to the journal.
     ///
     /// # Errors
-    /// As the system answers.
+    /// Those of the system.
     pub fn record(&mut self, entry: Entry) -> io::Result<()> {
         let line = self.journal.line(entry)?;
         self.disk.append(&self.folder.join(Journal::NAME), line.as_bytes())?;
@@ -219,20 +220,20 @@ impl<D: Disk> Session<D> {
     }
 }
 
-/// Whether a file is as the journal sealed it.
+/// Agreement of a file with its sealed checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Seal {
-    /// It is.
+    /// It agrees.
     Intact,
-    /// It has other contents.
+    /// It differs.
     Broken,
     /// It cannot be read.
     Missing,
-    /// It is there, and the journal has no checksum of it.
+    /// The file exists, but the journal has no checksum.
     None,
 }
 
-/// Problem of a file that was changed since its checksum was recorded.
+/// Problem of a file modified since its checksum was recorded.
 const BROKEN: &str = "differs from its recorded checksum";
 
 fn seal(folder: &Path, journal: &Journal, file: &str) -> Seal {
@@ -244,12 +245,12 @@ fn seal(folder: &Path, journal: &Journal, file: &str) -> Seal {
     }
 }
 
-/// The files that must be as they were sealed: `frames.json` is written anew once a frame was taken again.
+/// Files that must agree with their seals: `frames.json` is rewritten after a frame was captured again.
 fn sealed_files(journal: &Journal) -> impl Iterator<Item = &'static str> {
     [SESSION_FILE].into_iter().chain(journal.finished().then_some(FRAMES_FILE))
 }
 
-/// Whether a new session can be made here: there is nothing, or what is left of an attempt that came to nothing.
+/// True if a new session can be created here: nothing exists, or only remains of a failed attempt.
 pub fn is_vacant(folder: &Path) -> bool {
     let leftover = Path::new(SESSION_FILE).with_extension("partial");
     match std::fs::read_dir(folder) {
@@ -266,14 +267,14 @@ fn write_whole(disk: &impl Disk, folder: &Path, name: &str, bytes: &[u8]) -> io:
     disk.sync_dir(target.parent().unwrap_or(folder))
 }
 
-/// Keeps a second process from capturing into the same session; the system lets go when the process ends.
+/// Prevents a second process from capturing into the same session; the system releases the lock when the process ends.
 fn lock(folder: &Path) -> io::Result<File> {
     let file = input::open(&folder.join(SESSION_FILE), MAX_DESCRIPTION)?;
     file.try_lock()?;
     Ok(file)
 }
 
-/// The word of `frames.json` for what a plan varies.
+/// Kind of a frame set for a kind of plan.
 pub(crate) fn frames_kind(kind: PlanKind) -> Kind {
     match kind {
         PlanKind::Polarization => Kind::Polarization,

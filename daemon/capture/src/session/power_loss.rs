@@ -1,4 +1,4 @@
-//! Power loss and full disks, tried at every disk operation; after power loss what was not synced is gone.
+//! Simulated power loss and full disks at every disk operation; after power loss, unsynced data are gone.
 
 use super::{Commit, Disk, Entry, RealDisk, Session, SessionFile, Setup, Timing, check};
 use nacre_base::Version;
@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Works on a real folder and remembers what was asked for.
+/// Works on a real folder and records all operations.
 #[derive(Default)]
 struct Recorder(RefCell<Vec<Operation>>);
 
@@ -40,7 +40,7 @@ impl Disk for &Full {
         self.one_more().and_then(|()| RealDisk.sync_dir(path))
     }
     fn append(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        // A full disk may take the beginning of a line.
+        // A full disk may store the beginning of a line.
         self.one_more().inspect_err(|_| _ = RealDisk.append(path, &bytes[..bytes.len() / 2]))?;
         RealDisk.append(path, bytes)
     }
@@ -86,8 +86,8 @@ impl Disk for &Recorder {
     }
 }
 
-/// A disk after power loss. Contents are durable once written (our writes sync them); names only after the sync of
-/// their folder, and until then either the old or the new name may be there.
+/// A disk after power loss. Contents are durable once written (all writes sync them). Names are durable only after the
+/// sync of their folder; until then, either the old or the new name may exist.
 #[derive(Clone, Default)]
 struct Model {
     durable: BTreeMap<PathBuf, Vec<u8>>,
@@ -127,7 +127,7 @@ impl Model {
             Operation::Append(path, bytes) => {
                 let mut content = self.now().remove(path).unwrap_or_default();
                 content.extend(bytes);
-                // Syncing contents of a file whose name is durable makes them durable.
+                // Syncing a file whose name is durable makes its contents durable.
                 let place = if self.durable.contains_key(path) { &mut self.durable } else { &mut self.pending };
                 place.insert(path.clone(), content);
             }
@@ -161,7 +161,7 @@ fn frame(file: &str) -> Vec<u8> {
     format!("frame {file}").repeat(5).into_bytes()
 }
 
-/// Takes what is missing, as the engine does.
+/// Captures missing frames, as the engine does.
 fn complete<D: Disk>(session: &mut Session<D>) -> io::Result<()> {
     for step in description().plan.steps() {
         if !session.has(&step.file) {
@@ -179,7 +179,7 @@ fn a_disk_that_fills_up_at_any_operation_is_an_error_that_can_be_resumed() {
         let (folder, disk) = (home.path().join(format!("s{operations}")), Full(Cell::new(operations)));
         let outcome = Session::create(&disk, &folder, &description()).and_then(|mut session| {
             let result = complete(&mut session);
-            // As the engine does, whether or not the disk takes it.
+            // As the engine does, whether or not the disk accepts it.
             result.inspect_err(|e| _ = session.record(Entry::Stopped { reason: e.to_string(), fault: None }))
         });
         match outcome {
@@ -208,7 +208,7 @@ fn any_prefix_of_the_disk_operations_can_be_resumed_after_power_loss() {
     let mut tried = 0;
     for operation in &operations {
         model.apply(operation);
-        // The two extremes: nothing that is pending survived, or all of it; and a torn journal on top.
+        // Two extremes: none or all of the pending data survived; and in addition an incomplete line of the journal.
         for (mut files, tear) in [(model.durable.clone(), 0), (model.now(), 0), (model.durable.clone(), 7)] {
             if !is_begun(&files) {
                 continue;

@@ -1,7 +1,7 @@
-//! `nacre salvage`: the undamaged lines of a damaged journal as a journal of their own.
+//! `nacre salvage`: rebuilds a journal from the undamaged lines of a damaged one.
 //!
-//! Every line has a checksum of its own, so one that matches is as it was written, wherever the damage is. Lines that are gone
-//! altogether show as gaps in the numbers. A frame whose commit is lost stays where it is, but nothing vouches for it.
+//! Every line has a checksum, so a matching line is intact wherever the damage lies. Missing lines appear as gaps in
+//! the sequence numbers. A frame whose commit is lost stays on the disk, but cannot be verified.
 
 use super::check::{Condition, condition};
 use super::journal::{MAX_BYTES, parse, unreadable_journal};
@@ -14,19 +14,19 @@ use std::collections::{HashMap, HashSet};
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
-/// Longest damaged journal that is read, in bytes. It is read line by line, so it takes no memory.
+/// Maximum size of a damaged journal in bytes; it is read line by line, independent of memory.
 const MAX_DAMAGED: u64 = 4 << 30;
 
-/// Longest line that can be an entry, in bytes: the longest are early ends with the words of a device.
+/// Maximum length of a valid line in bytes; the longest entries are early ends with a device's message.
 const MAX_LINE: usize = 1 << 20;
 
-/// Most damaged lines that are listed; further ones are counted.
+/// Maximum number of listed damaged lines; further ones are only counted.
 const MAX_LISTED: usize = 1000;
 
-/// Largest difference between the planned angle of a frame and the recorded one, in degrees. Stages miss their angles by far less.
+/// Maximum difference in degrees between planned and recorded angle of a frame; errors of stages are far smaller.
 const SAME_ANGLE_DEG: f64 = 1.0;
 
-/// Names of entries, as the journal writes them.
+/// Names of entries in the journal.
 const NAMES: [&str; 12] = [
     "begun",
     "resumed",
@@ -45,38 +45,38 @@ const NAMES: [&str; 12] = [
 /// Result of salvaging a damaged journal.
 #[derive(Clone, Debug, Serialize)]
 pub struct Salvage {
-    /// As the new journal records it.
+    /// Entry in the new journal.
     #[serde(flatten)]
     pub salvaged: Salvaged,
-    /// The damaged lines, the first thousand of them.
+    /// The first thousand damaged lines.
     pub lines: Vec<DamagedLine>,
-    /// The session with the new journal.
+    /// Condition of the session with the new journal.
     pub condition: Condition,
 }
 
-/// A line that cannot be read.
+/// An unreadable line.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DamagedLine {
-    /// Its number in the file, from 1.
+    /// Line number in the file, from 1.
     pub line: usize,
-    /// Its length in bytes.
+    /// Length in bytes.
     pub bytes: u64,
-    /// Why it cannot be read.
+    /// Reason why it is unreadable.
     pub problem: String,
-    /// The kind of entry that it still names.
+    /// Kind of entry, if still recognisable.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub entry: Option<&'static str>,
-    /// The file that it still names.
+    /// File name, if still recognisable.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
 }
 
-/// Replaces a damaged journal by its undamaged lines, if `write` says so, and keeps the damaged one beside it. Frames,
-/// `session.json` and `frames.json` are read only.
+/// Replaces a damaged journal by its undamaged lines if `write` is set, and keeps the damaged one beside it. Frames,
+/// `session.json` and `frames.json` are only read.
 ///
 /// # Errors
-/// `Input` for a folder that is no session, for one that another process captures into, and for a journal that is undamaged or
-/// has no undamaged line; `Output` when the system refuses.
+/// `Input` for a folder that is no session, and for a session in use by another process. `Input` also for a journal
+/// that is undamaged or has no undamaged line. `Output` if the system refuses.
 pub fn salvage(folder: &Path, write: bool) -> Result<Salvage, Error> {
     let _lock = lock(folder).map_err(|e| match e.kind() {
         io::ErrorKind::WouldBlock => {
@@ -100,21 +100,22 @@ pub fn salvage(folder: &Path, write: bool) -> Result<Salvage, Error> {
     if write {
         let path = folder.join(Journal::NAME);
         let beside = folder.join(&salvaged.damaged_journal);
-        // Some file systems have no links.
+        // Some file systems do not support hard links.
         std::fs::hard_link(&path, &beside).or_else(|_| std::fs::copy(&path, &beside).map(drop)).map_err(failed)?;
         write_whole(&RealDisk, folder, Journal::NAME, text.as_bytes()).map_err(failed)?;
     }
     Ok(Salvage { condition: condition(folder, &journal)?, salvaged, lines })
 }
 
-/// Why the plan, with the additions that a salvaged journal still has, does not describe its frames; `None` if it does.
+/// Reason why the plan, with the additions remaining in a salvaged journal, does not describe its frames; `None` if it
+/// does.
 pub(super) fn misfit(journal: &Journal, plan: &Plan) -> Option<String> {
     let steps = plan.steps_with(&journal.chosen());
     let angles: HashMap<&str, Option<f64>> = steps.iter().map(|s| (s.file.as_str(), s.state.analyser_deg)).collect();
     journal.commits().find_map(|commit| {
         let elsewhere = match (angles.get(commit.file.as_str()), commit.analyser_deg) {
             (None, _) => true,
-            // An analyser at 180° is the same as one at 0°.
+            // An analyser at 180° is equivalent to one at 0°.
             (Some(Some(step)), Some(at)) => ((at - step + 90.0).rem_euclid(180.0) - 90.0).abs() > SAME_ANGLE_DEG,
             _ => false,
         };
@@ -122,7 +123,7 @@ pub(super) fn misfit(journal: &Journal, plan: &Plan) -> Option<String> {
     })
 }
 
-/// Whether the capture had ended: it says so, or the entries are lost that would, and the files show it.
+/// True if the capture had ended: its entry exists, or it is lost and the files prove it.
 fn had_finished(folder: &Path, journal: &Journal, found: &Condition) -> bool {
     let says = |(_, entry): (_, &Entry)| matches!(entry, Entry::Finished(_));
     let all = found.planned > 0 && found.intact == found.planned;
@@ -140,22 +141,22 @@ fn had_finished(folder: &Path, journal: &Journal, found: &Condition) -> bool {
     journal.finished() || (!journal.timed().any(says) && all && described)
 }
 
-/// A name that no file in the folder has.
+/// A file name not yet used in the folder.
 fn spare_name(folder: &Path) -> String {
     let names = (1..).map(|k| if k == 1 { "journal.damaged".into() } else { format!("journal.damaged-{k}") });
     let mut free = names.filter(|name: &String| folder.join(name).symlink_metadata().is_err());
     free.next().unwrap_or_default()
 }
 
-/// Undamaged lines of a journal, and numbers of the others.
+/// Undamaged lines of a journal, and positions of the others.
 #[derive(Default)]
 struct Scan {
     journal: Journal,
-    /// Its lines, numbered anew.
+    /// Undamaged lines with new sequence numbers.
     text: String,
     lines: Vec<DamagedLine>,
     damaged: usize,
-    /// Undamaged lines that are there twice, or whose number, which no checksum covers, does not fit their place.
+    /// Number of undamaged lines that are duplicated, or whose sequence number, which no checksum covers, does not fit.
     misplaced: usize,
     lost: usize,
 }
@@ -170,9 +171,9 @@ fn scan(folder: &Path) -> Result<Scan, Error> {
     let mut scan = Scan::default();
     let (mut line, mut number) = (vec![], 0);
     let mut seen = HashSet::new();
-    // Numbers of the undamaged lines.
+    // Sequence numbers of the undamaged lines.
     let mut numbers = vec![];
-    // Damaged lines since the last undamaged one.
+    // Number of damaged lines since the last undamaged one.
     let mut trailing = 0;
     loop {
         let bytes = next_line(&mut reader, &mut line).map_err(|e| unreadable_journal(folder, &e))?;
@@ -209,11 +210,11 @@ fn scan(folder: &Path) -> Result<Scan, Error> {
     Ok(scan)
 }
 
-/// Numbers that are missing in a row, and how many in it do not fit their place.
+/// Number of missing sequence numbers, and number of misplaced ones.
 fn gaps(numbers: &[usize]) -> (usize, usize) {
     let (mut lost, mut misnumbered, mut expected) = (0, 0, 0);
     for (k, number) in numbers.iter().enumerate() {
-        // A number that leaves a gap is right if the next one goes on from it.
+        // A number after a gap is correct if the next one continues from it.
         let goes_on = || numbers.get(k + 1).is_none_or(|next| next > number);
         if *number == expected || (*number > expected && goes_on()) {
             lost += number - expected;
@@ -226,7 +227,8 @@ fn gaps(numbers: &[usize]) -> (usize, usize) {
     (lost, misnumbered)
 }
 
-/// Reads a line and returns its length in bytes with its end, 0 at the end of the file. `line` gets its first part, up to [`MAX_LINE`].
+/// Reads a line; returns its length in bytes including its end, 0 at the end of the file. `line` receives at most its
+/// first [`MAX_LINE`] bytes.
 fn next_line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<u64> {
     line.clear();
     let mut bytes = 0;
@@ -261,7 +263,7 @@ mod tests {
             (&[0, 1, 2, 3][..], (0, 0)),
             (&[1, 2, 3], (1, 0)),
             (&[0, 1, 5, 6], (3, 0)),
-            // One digit was changed, downwards or upwards.
+            // One digit was decreased or increased.
             (&[0, 1, 0, 3], (0, 1)),
             (&[0, 1, 9, 3], (0, 1)),
             (&[8, 1, 2], (0, 1)),

@@ -1,48 +1,49 @@
-//! The state and the end of a series that goes on until a stated uncertainty is reached.
+//! State and end of an adaptive series, which continues until a required uncertainty is reached.
 
 use serde::{Deserialize, Serialize};
 
-/// How well a series knows its orientations so far.
+/// Present accuracy of orientations in a series.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SigmaSoFar {
-    /// Analyser angles in it.
+    /// Number of analyser angles.
     pub angles: usize,
-    /// 90th percentile of σ in degrees over the pixels that carry an orientation; none when no pixel does.
+    /// 90th percentile of σ in degrees over the pixels with an orientation; `None` if no pixel has one.
     pub sigma_deg: Option<f64>,
-    /// Wanted σ in degrees.
+    /// Required σ in degrees.
     pub until_sigma_deg: f64,
-    /// Most angles.
+    /// Maximum number of angles.
     pub at_most: u32,
-    /// What σ will be at least after the most angles, in degrees; none when no pixel will carry an orientation.
+    /// Predicted lower bound of σ in degrees after the maximum number of angles; `None` if no pixel will have an
+    /// orientation.
     pub least_deg: Option<f64>,
 }
 
-/// How much a spot scan knows so far.
+/// Present state of a fringe series.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FringesSoFar {
-    /// Fringes in it.
+    /// Number of fringes.
     pub fringes: u32,
-    /// Part of the pixels with a first order on the panel that several gratings explain, or whose period is less sure than wanted; none
-    /// when no pixel has one.
+    /// Fraction of the pixels with a first order on the panel that are ambiguous between gratings, or whose period is
+    /// less accurate than required; `None` if no pixel has one.
     pub undecided: Option<f64>,
-    /// Part that is allowed.
+    /// Permitted fraction.
     pub until_undecided: f64,
-    /// Most fringes.
+    /// Maximum number of fringes.
     pub at_most: u32,
 }
 
-/// What a series that goes on until enough is known knows so far.
+/// Present state of an adaptive series.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SoFar {
-    /// Of orientations behind an analyser.
+    /// Orientations from analyser angles.
     Sigma(SigmaSoFar),
-    /// Of fringes on the panel.
+    /// Fringes on the panel.
     Fringes(FringesSoFar),
 }
 
 impl SoFar {
-    /// A few words for a progress bar.
+    /// Short text for a progress bar.
     pub fn label(&self) -> String {
         match self {
             Self::Sigma(s) => {
@@ -57,30 +58,30 @@ impl SoFar {
     }
 }
 
-/// Why a series that goes on until enough is known has ended, and with what.
+/// End of an adaptive series, with its reason and final state.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeriesEnd {
-    /// Why.
+    /// Reason.
     pub why: Ending,
-    /// What it knew then.
+    /// Final state.
     #[serde(flatten)]
     pub so_far: SoFar,
 }
 
-/// Why a series that goes on until enough is known has ended.
+/// Reason for the end of an adaptive series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
-    /// What was wanted is reached.
+    /// The requirement is met.
     Met,
-    /// All angles or fringes that the plan allows are taken.
+    /// The maximum number of angles or fringes is reached.
     AtMost,
-    /// All that the plan allows would not be enough.
+    /// The maximum number would not suffice.
     Cannot,
 }
 
 impl SeriesEnd {
-    /// What a person should know: what is wanted, what came, and what to do where that is less.
+    /// Text for the user: requirement, result, and remedy if it falls short.
     pub fn text(&self) -> String {
         match self.so_far {
             SoFar::Sigma(so_far) => self.of_angles(so_far),

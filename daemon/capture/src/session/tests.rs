@@ -1,4 +1,4 @@
-//! Session files that were changed, and sessions of versions that recorded less.
+//! Modified session files, and sessions of versions that recorded less.
 
 use super::{Commit, Entry, Journal, RealDisk, SESSION_FILE, Session, SessionFile, Setup, Timing, check, salvage};
 use crate::plan::Added;
@@ -62,7 +62,7 @@ fn any_changed_byte_is_seen_and_refused() {
     assert!(check(&folder).unwrap().is_complete());
 }
 
-/// A frame that is taken again may have another exposure, and `frames.json` then says so.
+/// A frame captured again may have another exposure, which `frames.json` must state.
 #[test]
 fn frames_json_is_written_anew_after_a_frame_was_taken_again() {
     let home = tempfile::tempdir().unwrap();
@@ -72,7 +72,7 @@ fn frames_json_is_written_anew_after_a_frame_was_taken_again() {
     std::fs::remove_file(folder.join(&frame)).unwrap();
     let mut session = Session::open(RealDisk, &folder).unwrap();
     session.store(&frame, frame.as_bytes(), Commit::default()).unwrap();
-    // It ends here once more, after the file was written and before the journal says so.
+    // Interrupted once more, after the file was written and before the journal records it.
     std::fs::write(folder.join(FRAMES_FILE), "{ \"frames\": [1, 4, 3] }").unwrap();
     drop(session);
     assert!(!check(&folder).unwrap().finished);
@@ -80,7 +80,7 @@ fn frames_json_is_written_anew_after_a_frame_was_taken_again() {
     assert!(check(&folder).unwrap().is_complete());
 }
 
-/// Rewrites a journal as older versions wrote it: without times and checksums of files.
+/// Rewrites a journal in the format of older versions: without times and checksums of files.
 fn age(folder: &Path) {
     let path = folder.join(Journal::NAME);
     let (journal, _) = Journal::read(&path).unwrap();
@@ -103,7 +103,7 @@ fn sessions_of_older_versions_are_checked_and_resumed() {
     assert_eq!(condition.unverified, [SESSION_FILE, FRAMES_FILE]);
     std::fs::remove_file(folder.join(FRAMES_FILE)).unwrap();
     assert_eq!(check(&folder).unwrap().trouble[0].file, FRAMES_FILE);
-    // From now on they are recorded.
+    // From now on, checksums are recorded.
     take(&mut Session::open(RealDisk, &folder).unwrap(), "{}");
     let condition = check(&folder).unwrap();
     assert!(condition.is_complete() && condition.unverified.is_empty(), "{condition:?}");
@@ -131,7 +131,8 @@ fn lose(folder: &Path, lost: impl Fn(&str) -> bool) {
     assert!(count > 0 && salvage(folder, true).unwrap().salvaged.lost == count);
 }
 
-/// Angles that were added to a series give the frames their meaning: without them, no frame is taken under another's name.
+/// Angles added to a series determine the meaning of its frames: without them, no frame may be captured under another's
+/// name.
 #[test]
 fn a_series_whose_added_angles_are_lost_is_refused() {
     let home = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! The bench that frames are taken on: its devices as `nacre.toml` describes them, its optics and its distances.
+//! Description of the bench: devices from `nacre.toml`, optics and distances.
 
 mod section;
 
@@ -7,16 +7,16 @@ pub use section::{BenchSection, Optics, lock_name};
 use nacre_frames::Distances;
 use serde::{Deserialize, Serialize};
 
-/// What the frames were taken with, as far as it is known.
+/// Known optics and distances of the frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
-    /// Middle of the filter's band in nm.
+    /// Centre wavelength of the filter in nm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
-    /// Full width at half maximum of the filter's band in nm.
+    /// Bandwidth of the filter in nm (full width at half maximum).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band_nm: Option<f64>,
-    /// Where sample, light and camera stand.
+    /// Distances between sample, light and camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<Distances>,
     /// Width and height of the panel in mm.

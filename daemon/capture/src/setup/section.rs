@@ -1,4 +1,4 @@
-//! `[bench]` of `nacre.toml`: which devices make the bench.
+//! `[bench]` of `nacre.toml`: devices of the bench.
 
 use super::Setup;
 use nacre_drivers::camera::{CameraConfig, CameraDriver};
@@ -13,52 +13,52 @@ use serde_json::Value;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// Which bench: the simulated one, devices of this machine, or these beside simulated ones.
+/// Devices of the bench: simulated ones, devices of this machine, or a mixture of both.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BenchSection {
-    /// Devices that are not described below are simulated.
+    /// True to simulate all devices that are not configured below.
     pub sim: bool,
     /// Description of the simulated bench (bench.toml).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// The simulated bench in a process of its own, behind this socket.
+    /// Socket of a simulated bench in another process.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub socket: Option<PathBuf>,
-    /// What turns the analyser.
+    /// Stage that rotates the analyser.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stage: Option<StageConfig>,
-    /// What takes the frames.
+    /// Camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraConfig>,
-    /// What lights the sample.
+    /// Panel that lights the sample.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub display: Option<DisplayConfig>,
-    /// What lights it too.
+    /// Flash.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flash: Option<FlashConfig>,
-    /// Colour and distances, for a bench whose camera is real.
+    /// Wavelength and distances, for a bench with a real camera.
     #[serde(skip_serializing_if = "Optics::is_unknown")]
     pub optics: Optics,
 }
 
-/// Colour and distances of a bench, where known.
+/// Wavelength and distances of a bench, if known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Optics {
-    /// Middle of the filter's band.
+    /// Centre wavelength of the filter in nm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
-    /// Width of the filter's band.
+    /// Bandwidth of the filter in nm (full width at half maximum).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub band_nm: Option<f64>,
-    /// From the sample to camera and panel.
+    /// Distance in mm from the sample to camera and panel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
-    /// From the camera's lens to the middle of the panel.
+    /// Distance in mm from the camera's lens to the centre of the panel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub baseline_mm: Option<f64>,
-    /// Size of a pixel on the sample.
+    /// Pixel size on the sample in µm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel_um: Option<f64>,
 }
@@ -82,7 +82,7 @@ impl Optics {
         })
     }
 
-    /// What a session's description says of it.
+    /// Optics and distances for a session's description.
     pub fn setup(&self) -> Setup {
         let geometry = match (self.distance_mm, self.baseline_mm) {
             (Some(distance_mm), Some(baseline_mm)) => {
@@ -100,10 +100,10 @@ impl Optics {
 }
 
 impl BenchSection {
-    /// Says what is wrong with it.
+    /// Validates the section.
     ///
     /// # Errors
-    /// The key and what it must be.
+    /// The key and its permitted values.
     pub fn check(&self) -> Result<(), String> {
         self.stage.as_ref().map_or(Ok(()), |s| s.mounting.check().map_err(|e| format!("bench.stage.{e}")))?;
         self.display.as_ref().map_or(Ok(()), |d| d.check().map_err(|e| format!("bench.display.{e}")))?;
@@ -124,12 +124,12 @@ impl BenchSection {
         Ok(())
     }
 
-    /// Whether the frames are of this machine's camera.
+    /// True if the frames come from a camera of this machine.
     pub(crate) fn has_real_camera(&self) -> bool {
         self.camera.as_ref().is_some_and(|c| !matches!(c.driver, CameraDriver::Simulated {}))
     }
 
-    /// Whether any device is described that is not simulated; a person's hand is none.
+    /// True if any real device is configured; a person who rotates the analyser does not count.
     pub fn has_real_device(&self) -> bool {
         self.has_real_camera()
             || self
@@ -140,18 +140,18 @@ impl BenchSection {
             || self.flash.as_ref().is_some_and(|f| !matches!(f.driver, FlashDriver::Simulated {}))
     }
 
-    /// Whether the panel is a page of the service.
+    /// True if the panel is a page of the service.
     pub fn has_page(&self) -> bool {
         self.display.as_ref().is_some_and(|d| matches!(d.driver, DisplayDriver::Page { .. }))
     }
 
-    /// Whether the analyser is turned by a person.
+    /// True if a person rotates the analyser.
     pub fn by_hand(&self) -> bool {
         self.stage.as_ref().is_some_and(|s| matches!(s.driver, StageDriver::Hand {}))
     }
 
-    /// The first key that would give other frames with `other`, and what it is here and there: zero, sense, delays and distances,
-    /// but not where a device is plugged in, nor how long it is waited for.
+    /// The first key with an effect on frames that differs from `other`, and both values. Zero, sense, delays and
+    /// distances have an effect; the connection of a device and its time limits have none.
     pub fn differs(&self, other: &Self) -> Option<String> {
         let [here, there] = [self, other].map(|section| {
             let mut value = serde_json::to_value(section).unwrap_or_default();
@@ -168,7 +168,7 @@ impl BenchSection {
         difference("bench", &here, &there)
     }
 
-    /// Takes the locks of all devices of this machine, before any of them is opened: opening a flash switches it off.
+    /// Locks all devices of this machine before any is opened, because opening a flash switches it off.
     ///
     /// # Errors
     /// `Setup`, naming the holder.
@@ -184,7 +184,8 @@ impl BenchSection {
     }
 }
 
-/// Settings of drivers that say where a device is and how long it is waited for. Its identity says whether it is the same.
+/// Driver settings for the connection of a device and its time limits; its identity shows whether it is the same
+/// device.
 const REACH: [&str; 13] = [
     "port",
     "baud",
@@ -208,7 +209,7 @@ fn forget(value: &mut Value, keys: &[&str]) {
     }
 }
 
-/// The first key whose values differ, with both.
+/// The first key whose values differ, with both values.
 fn difference(key: &str, here: &Value, there: &Value) -> Option<String> {
     match (here.as_object(), there.as_object()) {
         (Some(a), Some(b)) => a.keys().chain(b.keys()).find_map(|name| {
@@ -219,10 +220,10 @@ fn difference(key: &str, here: &Value, there: &Value) -> Option<String> {
     }
 }
 
-/// What the lock of a device with these settings is called, kind and place, however they are spelled: a node has the same
-/// number by each of its names. None for what is no device of this machine.
+/// Name of the lock of a device with these settings (kind and location), independent of their spelling: a device node
+/// has the same number under each of its names. `None` for a device that is not of this machine.
 ///
-/// Lamps on HID and USB that are found by themselves share one lock per kind, since looking for one opens all.
+/// Automatically detected lamps on HID and USB share one lock per kind, since detection opens all of them.
 pub fn lock_name(driver: &Value) -> Option<(String, String)> {
     let kind = driver.get("kind")?.as_str()?;
     let path = ["port", "device", "path", "output"].iter().find_map(|key| driver.get(key)?.as_str());
@@ -236,7 +237,7 @@ pub fn lock_name(driver: &Value) -> Option<(String, String)> {
         (_, path) => {
             let path = path.unwrap_or_default();
             let node = Path::new(path).canonicalize().unwrap_or_default();
-            // The numbers of pseudo-terminals, on which emulated devices are, soon belong to others.
+            // The numbers of pseudo-terminals, used by emulated devices, are soon reused by others.
             let found = std::fs::metadata(&node).ok().filter(|f| f.rdev() != 0 && !node.starts_with("/dev/pts"));
             found.map_or_else(|| path.to_owned(), |found| format!("{:x}", found.rdev()))
         }

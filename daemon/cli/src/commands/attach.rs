@@ -1,4 +1,4 @@
-//! `nacre sim attach`: emulated devices that act on the simulated bench, down to the bytes on the wire.
+//! `nacre sim attach`: emulated devices that act on the simulated bench and speak the real wire protocols.
 
 use crate::console::Console;
 use nacre_base::Error;
@@ -21,7 +21,7 @@ Examples:
   nacre sim attach --socket /tmp/bench --device elliptec=/tmp/stage --device relay=/tmp/relay
   nacre sim attach --socket /tmp/bench --device elliptec=/tmp/stage --fault elliptec:half_answer:20:1
 
-A configuration that drives them (nacre.toml):
+Configuration (nacre.toml) for these devices:
   [bench]
   sim = true
   socket = \"/tmp/bench\"
@@ -35,22 +35,22 @@ pub struct Args {
     emulated: Emulated,
 }
 
-/// Which devices to emulate.
+/// Devices to emulate, and their faults.
 #[derive(clap::Args, Default)]
 pub struct Emulated {
-    /// A device and where its port or socket is to be: elliptec, grbl, relay, blink1 or bulk.
+    /// Device kind (elliptec, grbl, relay, blink1 or bulk) and the path of the port or socket to create.
     #[arg(long = "device", value_name = "KIND=PATH", value_parser = device)]
     devices: Vec<(Kind, PathBuf)>,
-    /// What goes wrong: no_answer, half_answer, dropped, garbage, resend, reset, slow, wrong_status or stuck_busy, after so
-    /// many commands that go well, so many times.
+    /// Fault to inject after AFTER successful commands, TIMES times: no_answer, half_answer, dropped, garbage, resend,
+    /// reset, slow, wrong_status or stuck_busy.
     #[arg(long = "fault", value_name = "KIND:FAULT[:AFTER[:TIMES]]", value_parser = fault)]
     faults: Vec<(Kind, ByteFault)>,
-    /// Encoder pulses per turn of an emulated stage.
+    /// Encoder pulses per turn of the emulated Elliptec stage (360 to 16777216).
     #[arg(long, default_value_t = 143_360, value_parser = clap::value_parser!(u32).range(360..=16_777_216))]
     pulses_per_turn: u32,
 }
 
-/// What can be emulated.
+/// Kinds of devices that can be emulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Elliptec,
@@ -60,7 +60,7 @@ enum Kind {
     Bulk,
 }
 
-/// Emulated devices, until this is dropped.
+/// Running emulated devices; dropping the value stops them.
 #[derive(Default)]
 pub struct Attached {
     #[allow(dead_code, reason = "held until it is dropped")]
@@ -98,10 +98,10 @@ fn fault(text: &str) -> Result<(Kind, ByteFault), String> {
 }
 
 impl Emulated {
-    /// Starts them, each with a way of its own to the bench.
+    /// Starts the emulated devices; each opens its own connection to the bench.
     ///
     /// # Errors
-    /// The bench cannot be reached, a port or socket cannot be made.
+    /// The bench cannot be reached, or a port or socket cannot be created.
     pub fn start(&self, dial: impl Fn() -> DeviceResult<Box<dyn Port>>) -> Result<Attached, Failure> {
         let mut attached = Attached::default();
         for (kind, path) in &self.devices {
@@ -133,7 +133,7 @@ impl Emulated {
         self.faults.iter().filter(|f| f.0 == kind).map(|f| f.1.clone()).collect()
     }
 
-    /// What they are, for the person who started them.
+    /// Lists kind and path of each device for the terminal.
     pub fn text(&self) -> String {
         let names: Vec<String> =
             self.devices.iter().map(|(kind, path)| format!("{kind:?} at {}", path.display()).to_lowercase()).collect();

@@ -1,4 +1,4 @@
-//! Options that say which bench a command works on.
+//! Options that select the bench.
 
 use nacre_base::Error;
 use nacre_base::text::read_text;
@@ -9,25 +9,25 @@ use nacre_service::config::{Config, default_path};
 use nacre_sim::BenchConfig;
 use std::path::PathBuf;
 
-/// Which bench.
+/// Selection of the bench: configured devices or the simulated bench.
 #[derive(clap::Args, Clone)]
 pub struct BenchArgs {
     /// Use the simulated bench.
     #[arg(long)]
     pub sim: bool,
-    /// Description of the simulated bench (TOML); its defaults are used without it.
+    /// Description of the simulated bench (TOML; default: built-in values).
     #[arg(long, conflicts_with = "socket")]
     pub bench: Option<PathBuf>,
-    /// Use the simulated bench that `nacre sim bench --socket` runs in a process of its own.
+    /// Use the simulated bench of a running `nacre sim bench --socket`.
     #[arg(long, value_name = "SOCKET")]
     pub socket: Option<PathBuf>,
-    /// Configuration whose [bench] describes the devices (default without --sim: nacre.toml).
+    /// Configuration whose [bench] section describes the devices (default without --sim: nacre.toml).
     #[arg(long, conflicts_with_all = ["sim", "bench", "socket"])]
     pub config: Option<PathBuf>,
 }
 
 impl BenchArgs {
-    /// Where the bench is that is to be driven.
+    /// Location of the bench to drive.
     pub fn place(&self) -> Result<Place, Failure> {
         if self.sim {
             return self.simulated();
@@ -41,17 +41,18 @@ impl BenchArgs {
         }
     }
 
-    /// Where the bench is that plans are compared with: without a configuration the simulated one, also without `--sim`.
+    /// Location of the bench whose limits a plan is checked against. Without a configuration this is the simulated
+    /// bench, with or without `--sim`.
     pub fn described(&self) -> Result<Place, Failure> {
         if self.sim || self.configuration().is_none() { self.simulated() } else { self.place() }
     }
 
-    /// Whether it says which bench, and not only that it is simulated.
+    /// True if `--socket`, `--bench` or `--config` is given; `--sim` alone does not count.
     pub fn is_given(&self) -> bool {
         self.socket.is_some() || self.bench.is_some() || self.config.is_some()
     }
 
-    /// The configuration's file, if there is one.
+    /// Path of the configuration file, if one is given or `nacre.toml` exists.
     fn configuration(&self) -> Option<PathBuf> {
         let simulated = self.sim || self.bench.is_some() || self.socket.is_some();
         self.config.clone().or_else(|| Some(default_path()).filter(|p| !simulated && p.exists()))
@@ -65,7 +66,7 @@ impl BenchArgs {
     }
 }
 
-/// Where the bench of a configuration is. A simulated one in this process is at the pace of a real one on request.
+/// Location of a configured bench. `real_time` makes a simulated bench in this process run at the pace of a real one.
 pub fn place(section: &BenchSection, real_time: bool) -> Result<Place, Failure> {
     let simulated = match (section.sim, &section.socket) {
         (true, Some(socket)) => Some(SimulatedBench::Socket(socket.clone())),
@@ -79,7 +80,7 @@ pub fn place(section: &BenchSection, real_time: bool) -> Result<Place, Failure> 
     Ok(Place { simulated, section: section.clone(), page: None })
 }
 
-/// Reads a bench.toml; the default bench without one.
+/// Reads a bench.toml; without a path, returns the default bench.
 pub fn read_bench(path: Option<&PathBuf>) -> Result<BenchConfig, Failure> {
     let Some(path) = path else { return Ok(BenchConfig::default()) };
     let remedy = "give a bench.toml; `nacre schema bench` lists its keys";

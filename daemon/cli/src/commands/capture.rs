@@ -23,32 +23,32 @@ Examples:
   nacre capture plan.toml --sim --out session
   nacre capture plan.toml --sim --bench bench.toml --out session --dry-run
   nacre capture plan.toml --sim --socket /tmp/bench --out session
-  nacre capture --sim --resume session           goes on after a stop, a crash or a kill
-  nacre capture plan.toml --out session          with the devices that nacre.toml describes
+  nacre capture --sim --resume session           resume after a stop, a crash or a kill
+  nacre capture plan.toml --out session          use the devices of nacre.toml
 
-Ctrl-C ends after the frames in progress, a second one at once; SIGUSR1 pauses, SIGUSR2 goes
-on. Light is off after any end.")]
+Ctrl-C stops after the frames in progress, a second Ctrl-C at once. SIGUSR1 pauses, SIGUSR2 resumes.
+The light is always switched off at the end.")]
 pub struct Args {
-    /// The plan (TOML, or JSON by its name); `nacre schema plan` lists its keys.
+    /// Plan (TOML, or JSON by file extension); `nacre schema plan` lists its keys.
     #[arg(required_unless_present = "resume")]
     plan: Option<PathBuf>,
     #[command(flatten)]
     bench: BenchArgs,
-    /// The analyser is turned by hand: you are asked to.
+    /// Rotate the analyser by hand; prompts for each angle.
     #[arg(long)]
     hand: bool,
     /// New folder for the session.
     #[arg(long, required_unless_present_any = ["resume", "dry_run"])]
     out: Option<PathBuf>,
-    /// Go on with a session that was stopped; on the bench that it was begun on, unless another is given.
+    /// Resume a stopped session in this folder. Uses the session's bench unless another is given.
     #[arg(long, value_name = "SESSION", conflicts_with_all = ["plan", "out", "dry_run"])]
     resume: Option<PathBuf>,
-    /// Check and list the steps; take nothing.
+    /// Check the plan and list its steps without capturing.
     #[arg(long)]
     dry_run: bool,
 }
 
-/// Captures a session, or what is missing of one.
+/// Captures a session, or the missing frames of one.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     if let Some((folder, frames)) = args.resume.as_ref().and_then(|folder| Some((folder, complete(folder)?))) {
         let value = serde_json::json!({ "session": folder, "frames": frames, "complete": true });
@@ -88,18 +88,18 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let taken = match (plan, &args.out, &args.resume) {
         (Some((plan, _)), Some(out), _) => capture.begin(plan, out, MortalDisk::default()),
         (_, _, Some(folder)) => capture.resume(folder, MortalDisk::default()),
-        // The command line asks for plan and out unless there is a session to resume.
+        // clap requires plan and --out unless --resume is given.
         _ => Err(Error::input("capture", "has no plan", "give a plan and --out, or --resume").into()),
     };
     if let Some(folder) = args.out.as_ref().or(args.resume.as_ref()).filter(|f| f.join(SESSION_FILE).exists()) {
-        // The catalogue can be rebuilt; a session that is taken is worth more.
+        // The catalogue can be rebuilt, so its failure must not fail a captured session.
         note_session(folder).unwrap_or_else(|e| console.note(&format!("warning: not catalogued: {e}")));
     }
     report(&taken?, console);
     Ok(())
 }
 
-/// The bench to resume a session on: as given, or the one it was begun on.
+/// The bench to resume a session on: the given one, or the one that the session began on.
 fn bench_of(args: &Args, folder: &Path) -> Result<Place, Failure> {
     let description = SessionFile::read(folder).map_err(|e| cannot_resume(folder, &e))?;
     if args.bench.is_given() {
@@ -118,7 +118,7 @@ fn bench_of(args: &Args, folder: &Path) -> Result<Place, Failure> {
         let remedy = "resume it on its own devices";
         return Err(Error::file(folder, "was not captured on the simulated bench", remedy).into());
     };
-    // The file may have been edited since, so it is checked like a new one, before anything is changed.
+    // The file may have been edited since, so it is validated like a new one before anything changes.
     config.validate().map_err(|problem| Error::file(folder, problem, "`nacre schema bench` lists all keys"))?;
     check_limits(&description.plan, folder, &Place::here(config.clone()).limits()?)?;
     Ok(Place::here(config))
@@ -145,7 +145,7 @@ fn dry_run(plan: &Plan, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// One step as a person reads it.
+/// One step as a line of text.
 fn line(step: &Step) -> String {
     let state = &step.state;
     let angle = state.analyser_deg.map_or_else(|| "as it is".to_owned(), |a| format!("{a:.3}°"));
@@ -180,7 +180,7 @@ fn report(taken: &Taken, console: &Console) {
         let _ = write!(text, " ({:.1} s of it metering)", metering.device_s);
     }
     let _ = write!(text, ", {:.2} s of the engine's", t.engine_s);
-    // A run that takes no frame needs no time of the devices.
+    // A plan without frames needs no device time.
     if t.device_s > 0.0 {
         let _ = write!(text, " ({:.1} %)", 100.0 * t.engine_s / t.device_s);
     }

@@ -13,12 +13,12 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "\
 Examples:
   nacre catalogue rebuild ~/sessions             find all sessions
-  nacre catalogue list tile --state finished     those with `tile` in their texts
+  nacre catalogue list tile --state finished     finished sessions that mention `tile`
   nacre catalogue add session
 
-The folders are the truth: the catalogue can be deleted and rebuilt at any time.")]
+The session folders hold all data: the catalogue can be deleted and rebuilt at any time.")]
 pub struct Args {
-    /// The catalogue [default: $NACRE_CATALOGUE, else nacre/catalogue.db in $XDG_DATA_HOME or ~/.local/share].
+    /// Catalogue file [default: $NACRE_CATALOGUE, else nacre/catalogue.db in $XDG_DATA_HOME or ~/.local/share].
     #[arg(long, global = true, value_name = "FILE")]
     catalogue: Option<PathBuf>,
     #[command(subcommand)]
@@ -30,9 +30,9 @@ pub struct Args {
 enum CatalogueCommand {
     /// Replace the catalogue by the sessions in these folders.
     Rebuild(RebuildArgs),
-    /// Show sessions, newest first.
+    /// List sessions, newest first.
     List(ListArgs),
-    /// Add a session, or bring what is known of it up to date.
+    /// Add a session, or update its entry.
     Add(AddArgs),
 }
 
@@ -42,7 +42,8 @@ Examples:
   nacre catalogue rebuild ~/sessions
   nacre catalogue rebuild /data/2025 /data/2026 --json
 
-Searches eight levels deep and follows no symbolic links. Sessions elsewhere are forgotten.")]
+Searches eight levels deep and does not follow symbolic links. Removes sessions outside of these folders
+from the catalogue, not from the disk.")]
 struct RebuildArgs {
     /// Folders to search.
     #[arg(required = true, value_name = "DIR")]
@@ -56,18 +57,18 @@ Examples:
   nacre catalogue list kinematic tile --state unfinished
   nacre catalogue list --limit 10 --json")]
 struct ListArgs {
-    /// Words that all occur in name, sample, operator, notes or folder.
+    /// Words that must all occur in the session's name, sample, operator, notes or folder.
     text: Vec<String>,
-    /// Only this kind of plan.
+    /// List only sessions of this kind of plan.
     #[arg(long, value_parser = plan_kind)]
     kind: Option<PlanKind>,
-    /// Only this state.
+    /// List only sessions in this state.
     #[arg(long)]
     state: Option<State>,
-    /// Most sessions shown.
+    /// Maximum number of sessions (1 to 1000).
     #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1000))]
     limit: u32,
-    /// Go on where a list ended: its `next`.
+    /// Continue after an earlier list, given its `next`.
     #[arg(long, value_name = "NEXT")]
     after: Option<Cursor>,
 }
@@ -79,7 +80,7 @@ struct AddArgs {
     session: PathBuf,
 }
 
-/// The kinds are those of the plan, so that a new one is known here at once.
+/// Parses through the plan's own enum, so that every kind of plan is accepted here.
 fn plan_kind(text: &str) -> Result<PlanKind, serde_json::Error> {
     serde_json::from_value(text.into())
 }
@@ -88,7 +89,7 @@ fn plan_kind(text: &str) -> Result<PlanKind, serde_json::Error> {
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let path = args.catalogue.clone().map_or_else(default_path, Ok)?;
     if path.exists() {
-        // The database would wait for a pipe's writer.
+        // Opened as a regular file first: the database would wait forever for the writer of a pipe.
         input::open(&path, u64::MAX).map_err(|e| Error::file(&path, e, "give another --catalogue"))?;
     }
     match &args.command {
@@ -127,7 +128,7 @@ fn add(path: &Path, args: &AddArgs, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A page as a table with aligned columns.
+/// A page of the list as a table with aligned columns.
 fn text(page: &Page) -> String {
     if page.sessions.is_empty() {
         return "no sessions; `nacre catalogue rebuild DIR` looks for them".into();
@@ -147,7 +148,7 @@ fn text(page: &Page) -> String {
 }
 
 fn cells(row: &SessionRow) -> [String; 5] {
-    // A name from a file must not steer the terminal.
+    // Control characters in a name must not reach the terminal.
     let plain = |text: &str| text.replace(char::is_control, " ");
     [
         format!("{:?}", row.state).to_lowercase(),
@@ -158,7 +159,7 @@ fn cells(row: &SessionRow) -> [String; 5] {
     ]
 }
 
-/// ISO 8601 from Unix seconds, by the usual trick of years that begin in March.
+/// ISO 8601 time from Unix seconds; counting years from March simplifies leap days.
 fn utc(seconds: i64) -> String {
     let (days, second) = (seconds.div_euclid(86_400) + 719_468, seconds.rem_euclid(86_400));
     let (era, day) = (days.div_euclid(146_097), days.rem_euclid(146_097));

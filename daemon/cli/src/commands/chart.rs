@@ -13,41 +13,41 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  nacre chart --list                             what there is
-  nacre chart all --out charts                   everything; open charts/index.html
+  nacre chart --list                             list the charts
+  nacre chart all --out charts                   all charts; open charts/index.html
   nacre chart polarimetry stress --out charts    two groups
-  nacre chart frames --out charts --quick        a coarse look at one study
-  nacre chart frames --out charts --width single --no-titles    for a column of a journal
+  nacre chart frames --out charts --quick        quick check of one study
+  nacre chart frames --out charts --width single --no-titles    for a journal column
 
 Every chart gets a subfolder with raw.jsonl (every measurement), CSV, JSON, SVG, PDF and PNG.
-Ctrl-C loses nothing: the same command goes on where it stopped.")]
+Ctrl-C loses nothing: the same command resumes where it stopped.")]
 pub struct Args {
-    /// Names of charts or groups of charts, or `all`; see --list.
+    /// Names of charts or chart groups, or `all`; --list shows them.
     #[arg(default_value = "all")]
     names: Vec<String>,
-    /// Folder of the charts; charts of other names in it stay.
+    /// Folder for the charts; other charts in it are kept.
     #[arg(long, required_unless_present = "list")]
     out: Option<PathBuf>,
-    /// Seed of all scenes.
+    /// Random seed of all scenes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Measurements per setting and scene, at least 5 (3 with --quick).
+    /// Measurements per setting and scene (at least 5, or 3 with --quick).
     #[arg(long)]
     runs: Option<usize>,
-    /// Small scenes and few runs: shows that it works, not how well.
+    /// Use small scenes and few runs: a functional check, not a result.
     #[arg(long)]
     quick: bool,
-    /// Width of charts: page (1280 px), single (one column of a journal, 85 mm, panels below each other) or double (both columns, 178 mm). Drawn anew
-    /// without measuring again.
+    /// Chart width: page (1280 px), single (85 mm, one journal column, panels stacked) or double (178 mm, two columns).
+    /// Redraws without measuring.
     #[arg(long, value_name = "page|single|double", default_value = "page")]
     width: Width,
-    /// Leave titles out, for pictures with a caption.
+    /// Omit chart titles, for figures with a caption.
     #[arg(long)]
     no_titles: bool,
     /// List names and titles.
     #[arg(long)]
     list: bool,
-    /// Measure anew what the folder holds already.
+    /// Repeat measurements that the folder already holds.
     #[arg(long)]
     force: bool,
 }
@@ -60,7 +60,7 @@ struct Listed {
     title: String,
 }
 
-/// Lists, or measures and draws.
+/// Lists the charts, or measures and draws them.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let effort = if args.quick { Effort::Quick } else { Effort::Full };
     let (mut studies, mut pictures) = (polarimetry::studies(effort), polarimetry::pictures());
@@ -121,7 +121,7 @@ fn check_names(names: &[String], listed: &[Listed]) -> Result<(), Failure> {
     Err(Error::input(unknown, "is no chart", format!("{hint}`nacre chart --list` names them all")).into())
 }
 
-/// Release and a hash of the program itself: two builds of one release are not the same program.
+/// Release and a hash of the executable, because two builds of one release may differ.
 fn version() -> String {
     let release = env!("CARGO_PKG_VERSION");
     let bytes = std::env::current_exe().and_then(std::fs::read);

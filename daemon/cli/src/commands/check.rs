@@ -12,15 +12,14 @@ Examples:
   nacre check session
   nacre check session --json
 
-`nacre salvage` keeps the undamaged lines of a damaged journal.
-Exits with 1 when a frame is missing, or a frame, session.json or frames.json differs from its
-recorded checksum.")]
+Exits with code 1 if a frame is missing, or if a frame, session.json or frames.json differs from its
+recorded checksum. `nacre salvage` recovers the undamaged lines of a damaged journal.")]
 pub struct Args {
     /// Session folder.
     folder: PathBuf,
 }
 
-/// Verifies the checksums and says what is missing.
+/// Verifies the checksums and reports missing frames.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let condition = check(&args.folder)?;
     let mut text = format!("{} of {} frames are whole", condition.intact, condition.planned);

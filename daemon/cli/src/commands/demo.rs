@@ -1,4 +1,4 @@
-//! `nacre demo`: the main job in simulation, judged against the truth.
+//! `nacre demo`: simulates, captures and reconstructs a session, then compares the maps with the truth.
 
 use super::sim::{BenchOptions, simulate};
 use crate::commands::Estimating;
@@ -17,10 +17,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-/// Mean orientation error that the demo must stay under.
+/// Upper bound of the demo's mean orientation error in degrees.
 const BOUND_DEG: f64 = 0.5;
 
-/// Pixels of this purity hold one orientation; the others lie on an edge between two.
+/// Purity (fraction of a pixel covered by its main orientation) above which a pixel counts as pure. Other pixels
+/// straddle an edge.
 const PURE: f32 = 0.999;
 
 /// Arguments of `nacre demo`.
@@ -29,20 +30,20 @@ const PURE: f32 = 0.999;
 Examples:
   nacre demo
   nacre demo --sample logo --seed 3 --out logo
-  nacre demo --open                    and turn the sample under a light in the browser
-  nacre demo --retardance-deg 10      a film behind which the phase is not the orientation: the curve is fitted
+  nacre demo --open                    view the sample under a movable light in the browser
+  nacre demo --retardance-deg 10      a birefringent film, which requires the curve model
 
-Exits with 1 when the mean orientation error is not under 0.5°.")]
+Exits with code 1 if the mean orientation error is 0.5° or more.")]
 pub struct Args {
     #[command(flatten)]
     options: BenchOptions,
-    /// Colours of angles in pictures: cyclic (even steps, also for colour-blind readers) or hsv.
+    /// Colour scale of angles in pictures: cyclic (perceptually even, safe for colour-blind readers) or hsv.
     #[arg(long, default_value = "cyclic", value_name = "cyclic|hsv")]
     palette: Palette,
     /// New folder for session, results and pictures (default: nacre-demo, or the next free nacre-demo-N).
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Open the sample under a light in the browser: result/view.html, which needs no service.
+    /// Open result/view.html in the browser: the sample under a movable light. Needs no service.
     #[arg(long)]
     open: bool,
     #[command(flatten)]
@@ -56,11 +57,11 @@ struct Outcome {
     seed: u64,
     bound_deg: f64,
     within_bound: bool,
-    /// Over all pixels that have an orientation and were measured.
+    /// Orientation error over all measured pixels that have a true orientation.
     error: Option<Comparison>,
-    /// Over those that hold a single orientation.
+    /// Orientation error over pure pixels.
     error_pure: Option<Comparison>,
-    /// Pixels that were given an orientation and have none.
+    /// Number of pixels with a measured orientation but no true one.
     invented: usize,
     stale_frames_dropped: u64,
     seconds: Seconds,
@@ -75,7 +76,7 @@ struct Seconds {
     total: f64,
 }
 
-/// Renders, captures, reconstructs, judges.
+/// Renders, captures and reconstructs a session, then evaluates it.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let start = Instant::now();
     let config = args.options.apply(BenchConfig::default())?;
@@ -127,19 +128,19 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     Err(Failure::Bound(format!("the mean orientation error is {mean}, the demo's bound is {BOUND_DEG}°")))
 }
 
-/// Time, memory and disk of the demo, measured at 0.02 to 1 Mpixel.
+/// Time, memory and disk of the demo; coefficients were measured at 0.02 to 1 Mpixel.
 fn work(config: &BenchConfig, photographs: usize) -> Work {
     let size = [config.camera.width, config.camera.height].map(|side| side as usize);
     let pixels = (size[0] * size[1]) as f64;
     let results = nacre_polarimetry::work_of(photographs, size, true);
-    // The bench renders each photograph; its truth is compared at the end.
+    // The bench renders every photograph, and the truth is compared at the end.
     let seconds = results.seconds + 0.1 + 1e-6 * pixels * (0.5 + 0.3 * photographs as f64);
     let memory_bytes = results.memory_bytes + (60.0 * pixels) as u64;
     let disk_bytes = results.disk_bytes + (1.9 * pixels) as u64 * photographs as u64;
     Work { operation: "demo".into(), seconds, memory_bytes, disk_bytes, ..Work::default() }
 }
 
-/// The sample under a light, as one file.
+/// Writes view.html: the sample under a light, in a single file.
 fn view(result: &Path) -> Result<PathBuf, Failure> {
     let file = result.join("view.html");
     let page = nacre_service::view::page("A simulated sample", result, &Look::default());
@@ -148,7 +149,7 @@ fn view(result: &Path) -> Result<PathBuf, Failure> {
     Ok(file)
 }
 
-/// Whether the system opens a file.
+/// Opens a file with the desktop's default program; returns whether that succeeded.
 fn opened(file: &Path) -> bool {
     let program = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
     let quiet = std::process::Stdio::null;
@@ -165,7 +166,7 @@ struct Judged {
     invented: usize,
 }
 
-/// Reads the written maps back and compares them with what the sample is.
+/// Reads the written maps back and compares them with the true sample.
 fn judge(result: &Path, truth: &Truth) -> Result<Judged, Failure> {
     let path = result.join("orientation.exr");
     let mut map = read_exr(&path)?;
@@ -193,7 +194,7 @@ fn overview(session: &Path, judged: &Judged, truth: &Truth, palette: Palette) ->
     let top = codes.iter().copied().max().unwrap_or(1).max(1);
     let mut photo = Canvas::new(width, height, [0, 0, 0]);
     for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-        // A display's gamma, so that dark parts show.
+        // Display gamma 2.2, which brightens dark regions.
         let grey = (255.0 * (f32::from(codes[at(x, y)]) / f32::from(top)).powf(1.0 / 2.2)) as u8;
         photo.set(x, y, [grey; 3]);
     }
@@ -256,7 +257,7 @@ fn text(outcome: &Outcome) -> String {
     )
 }
 
-/// `nacre-demo`, or the first `nacre-demo-N` that is not there yet.
+/// `nacre-demo`, or the first free `nacre-demo-N`.
 fn free_name() -> PathBuf {
     let names = (1..).map(|n| if n == 1 { "nacre-demo".to_owned() } else { format!("nacre-demo-{n}") });
     names.map(PathBuf::from).find(|p| !p.exists()).unwrap_or_else(|| PathBuf::from("nacre-demo"))

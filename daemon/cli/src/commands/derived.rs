@@ -1,4 +1,4 @@
-//! Commands that are derived from the registry: arguments, help and values come from an operation's options.
+//! Commands derived from the registry of operations: arguments, help and values follow from an operation's options.
 
 use super::flags::{arguments, flagged, given};
 use crate::console::Console;
@@ -10,10 +10,10 @@ use nacre_processing::operations::{OPERATIONS, operation};
 use std::marker::PhantomData;
 use std::path::PathBuf;
 
-/// Operations whose command is not one of `nacre reconstruct`.
+/// Operations whose command is not a subcommand of `nacre reconstruct`.
 const ELSEWHERE: [&str; 6] = ["brdf", "map", "calibrate", "render", "factor", "synthesize"];
 
-/// An operation and its command line.
+/// An operation and its parsed command line.
 #[derive(Clone)]
 pub struct Derived {
     operation: &'static dyn Registered,
@@ -51,7 +51,8 @@ impl FromArgMatches for Derived {
     }
 }
 
-/// The command of an operation. Its arguments are made once it is called: schemas of all operations would be most of the program's start.
+/// The command of an operation. Its arguments are built on demand, because the schemas of all operations would dominate
+/// the program's start time.
 fn command_of(operation: &dyn Registered) -> Command {
     Command::new(operation.name()).about(operation.title()).defer(with_arguments)
 }
@@ -77,7 +78,7 @@ fn arguments_of(command: Command, operation: &dyn Registered) -> Command {
 }
 
 impl Derived {
-    /// Does it.
+    /// Runs the operation.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let fields = self.operation.fields();
         let options = given(&fields, &self.matches)?;
@@ -91,7 +92,7 @@ impl Derived {
     }
 }
 
-/// The whole command of an operation that is elsewhere, such as `nacre map edit`.
+/// Complete command of an operation outside of `nacre reconstruct`, such as `nacre map edit`.
 pub struct Whole<O> {
     derived: Derived,
     operation: PhantomData<fn() -> O>,
@@ -100,7 +101,7 @@ pub struct Whole<O> {
 impl<O: Operation> Whole<O> {
     const OPERATION: &'static dyn Registered = &Entry::<O>::NEW;
 
-    /// Does it.
+    /// Runs the operation.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         self.derived.run(console)
     }

@@ -13,32 +13,33 @@ use std::fmt::Write;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  nacre devices                                  what is plugged in, and whether it may be opened
+  nacre devices                                  list connected devices and access to them
   nacre devices --udev | sudo tee /etc/udev/rules.d/70-nacre.rules
-  nacre devices --config nacre.toml              opens what the configuration describes
+  nacre devices --config nacre.toml              open the configured devices
   nacre devices --sim --socket /tmp/bench --json
 
-Nothing is opened or moved unless a configuration or --sim is given.")]
+Opens and moves no device unless a configuration or --sim is given.")]
 pub struct Args {
     #[command(flatten)]
     bench: BenchArgs,
-    /// Print udev rules that let whoever sits at the machine open the devices.
+    /// Print udev rules that let the logged-in user open the devices.
     #[arg(long, conflicts_with_all = ["sim", "bench", "socket", "config"])]
     udev: bool,
-    /// Also list serial ports of which nothing is known: a stage or a flash may be behind one.
+    /// Also list unidentified serial ports, which may belong to a stage or a flash.
     #[arg(long)]
     all: bool,
 }
 
-/// A device of the configuration. Without `id` it is not configured, or could not be opened: `error` says why.
+/// A device of the configuration. No `id` means that it is not configured or could not be opened; `error` gives the
+/// reason.
 #[derive(Serialize)]
 struct Device {
     kind: &'static str,
     configured: bool,
     id: Option<String>,
-    /// What it can do, in words.
+    /// Limits of the device, as text.
     limits: Option<String>,
-    /// Who uses it now.
+    /// Process that uses the device at present.
     used_by: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
@@ -59,7 +60,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A device that was found, with who uses it.
+/// A detected device and its user.
 #[derive(Serialize)]
 struct Listed<'a> {
     #[serde(flatten)]
@@ -79,7 +80,7 @@ fn used_by(found: &Found) -> Option<String> {
     DeviceLock::holder(&kind, &place)
 }
 
-/// What is plugged in, as a person reads it.
+/// List of connected devices for the terminal.
 fn plugged_in(found: &[Found]) -> String {
     if found.is_empty() {
         return "no stage, camera, flash or panel was found; --all lists the other serial ports, --sim the simulated bench"
@@ -110,7 +111,8 @@ fn plugged_in(found: &[Found]) -> String {
     text
 }
 
-/// Opens each device of a configuration to read its description and limits. A device that cannot be opened keeps no other from the list.
+/// Opens each configured device to read its description and limits. A device that cannot be opened does not hide the
+/// others.
 fn described(args: &Args, console: &Console) -> Result<(), Failure> {
     let found = args.bench.place()?.describe()?;
     let socket = args.bench.socket.as_ref().map(|p| p.canonicalize().unwrap_or_else(|_| p.clone()));
@@ -140,7 +142,7 @@ fn described(args: &Args, console: &Console) -> Result<(), Failure> {
     failed(found, console)
 }
 
-/// Says of every device why it cannot be opened; the last of these errors is the command's.
+/// Prints the error of every device that cannot be opened; the last error becomes the command's.
 fn failed(found: Described, console: &Console) -> Result<(), Failure> {
     let Described { stage, camera, display, flash } = found;
     let errors = [
@@ -176,7 +178,7 @@ fn list(found: &Described, holder: impl Fn(&str) -> Option<String>) -> Vec<Devic
     ]
 }
 
-/// Identity and limits of a device, or why it cannot be opened.
+/// Identity and limits of a device, or the error of opening it.
 fn told<T>(
     found: Option<&DeviceResult<T>>,
     say: impl FnOnce(&T) -> (String, String),

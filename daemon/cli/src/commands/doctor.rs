@@ -16,10 +16,10 @@ Examples:
   nacre doctor
   nacre doctor --data /data/sessions --json
 
-Looks at permissions, disk, clock, USB and versions, and says what to do about whatever is not as it should be. Writes
-64 MiB into the folder and removes them again. The exit code is 1 when something will give trouble.")]
+Checks permissions, disk, clock, USB and versions, and suggests a remedy for each problem. Writes a 64 MiB file into the
+folder and removes it again. Exits with code 1 if a check fails.")]
 pub struct Args {
-    /// Folder that sessions are to be captured into.
+    /// Folder for captured sessions.
     #[arg(long, default_value = ".")]
     data: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! Options of operations as flags: arguments, help and values come from the JSON Schema of the options.
+//! Options of operations as command-line flags: arguments, help and values follow from the options' JSON Schema.
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::parser::ValueSource;
@@ -12,10 +12,10 @@ use serde_json::{Value, json};
 use std::marker::PhantomData;
 use std::path::Path;
 
-/// Largest file that stands for an option.
+/// Maximum size of a file given as an option's value.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// Most rows of a table that stands for an option.
+/// Maximum number of rows of a table given as an option's value.
 const MOST_ROWS: usize = 20_000;
 
 /// Options of an operation as flags of a command that has other arguments too.
@@ -25,17 +25,17 @@ pub struct Flags<O> {
 }
 
 impl<O: Operation> Flags<O> {
-    /// The options.
+    /// Parses the options.
     ///
     /// # Errors
-    /// `Input`, which names the flag.
+    /// `Input`, naming the flag.
     pub fn options(&self) -> Result<O, Failure> {
         let fields = Entry::<O>::NEW.fields();
         let options = given(&fields, &self.matches)?;
         Ok(read(&options).map_err(|error| flagged(error, &fields))?)
     }
 
-    /// Whether an option was given, rather than left at its default.
+    /// True if an option was given on the command line.
     pub fn is_given(&self, id: &str) -> bool {
         self.matches.value_source(id) == Some(ValueSource::CommandLine)
     }
@@ -75,7 +75,7 @@ fn id(field: &Field) -> String {
     field.path.join(".")
 }
 
-/// The flag of an option.
+/// Builds the flag of an option.
 fn argument(field: &Field) -> Arg {
     let text = field.text("description").unwrap_or_default();
     let (first, rest) = text.split_once("\n\n").unwrap_or((text, ""));
@@ -93,11 +93,11 @@ fn argument(field: &Field) -> Arg {
         return arg.action(ArgAction::SetTrue);
     }
     let arg = arg.value_name(field.placeholder()).required(field.required);
-    // -1 is a number; lists such as -1,2 are not seen as one.
+    // -1 is accepted as a number, but a list such as -1,2 needs its own permission.
     let arg = arg.allow_negative_numbers(true).allow_hyphen_values(field.text("type") == Some("array"));
     match field.words() {
         Some(words) => {
-            // Keys of JSON have underscores, words of a command line dashes.
+            // JSON keys use underscores, command-line words dashes.
             let word = |word: String| PossibleValue::new(word.replace('_', "-")).alias(word);
             arg.value_parser(PossibleValuesParser::new(words.into_iter().map(word))).hide_possible_values(true)
         }
@@ -110,7 +110,7 @@ fn decapitalized(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
 }
 
-/// A default as it would be typed.
+/// A default value in command-line syntax.
 fn shown(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -120,10 +120,10 @@ fn shown(value: &Value) -> String {
     }
 }
 
-/// Options that were given.
+/// Collects the given options as JSON.
 ///
 /// # Errors
-/// `Input`, which names the flag.
+/// `Input`, naming the flag.
 pub fn given(fields: &Fields, matches: &ArgMatches) -> Result<Value, Failure> {
     let mut options = json!({});
     for field in &fields.list {
@@ -146,7 +146,7 @@ pub fn given(fields: &Fields, matches: &ArgMatches) -> Result<Value, Failure> {
     Ok(options)
 }
 
-/// A structure from a file: TOML where its name says so, else JSON.
+/// Reads a structure from a file: TOML by extension, otherwise JSON.
 fn structure(path: &Path) -> Result<Value, Error> {
     let remedy = "give a JSON or TOML file as the help shows one";
     let text = read_text(path, MOST_BYTES, remedy)?;
@@ -155,7 +155,7 @@ fn structure(path: &Path) -> Result<Value, Error> {
     read.map_err(|problem| Error::file(path, problem, remedy))
 }
 
-/// Rows of numbers from a CSV file, whose first line may hold names.
+/// Reads rows of numbers from a CSV file; its first line may be a header.
 fn table(path: &Path) -> Result<Vec<Vec<f64>>, Error> {
     let remedy = "give rows of numbers with commas between";
     let mut rows = vec![];
@@ -174,7 +174,7 @@ fn table(path: &Path) -> Result<Vec<Vec<f64>>, Error> {
     Ok(rows)
 }
 
-/// Names an option as the flag that it is here.
+/// Rewrites an error about an option so that it names the flag.
 pub fn flagged(error: Error, fields: &Fields) -> Error {
     match error {
         Error::Input { subject, problem, remedy } => {

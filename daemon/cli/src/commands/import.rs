@@ -1,4 +1,4 @@
-//! `nacre import`: a `frames.json` for photographs taken elsewhere.
+//! `nacre import`: describes photographs from elsewhere in a `frames.json`.
 
 use crate::commands::values::{BayerName, ChannelName, transfer};
 use crate::console::Console;
@@ -11,67 +11,71 @@ use nacre_image::{OutputFolder, list, write_whole};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Most file names in a message.
+/// Maximum number of file names in a message.
 const SHOWN: usize = 8;
 
-/// Angles in names may be rounded or cut to whole degrees.
+/// Tolerance for angles in file names, which may be rounded or truncated to whole degrees.
 const ROUNDED_DEG: f64 = 1.0;
 
 /// Arguments of `nacre import`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  nacre import photos/                       angles from names: 045.png, psi_22.5deg.tif, I_-45.png, m22p5.png
-  nacre import photos/ --out series          copies the photographs beside the frames.json
+  nacre import photos/                       read angles from names: 045.png, psi_22.5deg.tif, I_-45.png, m22p5.png
+  nacre import photos/ --out series          copy the photographs into series/, with frames.json
   nacre import photos/ --angles-deg 0,45,90,135 --channel g
   nacre import raw/ --kind division-of-focal-plane --layout sony
   nacre import raw/ --kind division-of-focal-plane --layout lucid-colour --channel r
   nacre import raw/ --kind division-of-focal-plane --layout 0,45,135,90 --colour rggb
   nacre import bracket/ --kind exposures --channel g
 
-Exposure times and ISO are read from EXIF where the files have it.")]
+Reads exposure times and ISO from EXIF data, if present.")]
 pub struct Args {
-    /// Folder with the photographs (PNG, TIFF, JPEG, EXR).
+    /// Folder of photographs (PNG, TIFF, JPEG, EXR).
     folder: PathBuf,
-    /// What was varied between the photographs.
+    /// Quantity varied between the photographs.
     #[arg(long, value_enum, default_value_t = KindName::Polarization)]
     kind: KindName,
-    /// Analyser angles in degrees, in the order of the sorted file names (default: read from the names).
+    /// Analyser angles in degrees, in order of the sorted file names (default: read from the names).
     #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
     angles_deg: Option<Vec<f64>>,
-    /// Take the given angles even where file names hold other ones.
+    /// Accept --angles-deg even if the file names state other angles.
     #[arg(long, requires = "angles_deg")]
     ignore_names: bool,
-    /// Sensor or camera by name, or the angles of each 2×2 block of its pixels: top left, top right, bottom left, bottom right.
+    /// Polarization sensor by name, or the four angles of its 2×2 pixel block: top left, top right, bottom left, bottom
+    /// right.
     ///
-    /// Names: sony, lucid, flir (90,45,135,0); sony-colour, lucid-colour, flir-colour (the same below colour filters rggb); 4d-v1
-    /// (45,90,0,135), 4d-v2 (90,135,45,0), 4d-u4 (90,45,135,0). Crops that begin at odd pixels and mirrored frames have another order.
+    /// Names: sony, lucid, flir (90,45,135,0); 4d-v1 (45,90,0,135), 4d-v2 (90,135,45,0), 4d-u4 (90,45,135,0). The names
+    /// sony-colour, lucid-colour and flir-colour mean 90,45,135,0 below rggb colour filters. Crops that begin at odd pixels
+    /// and mirrored frames have another order.
     #[arg(long, default_value = "90,45,135,0", allow_hyphen_values = true, value_name = "NAME|A,B,C,D")]
     layout: Layout,
-    /// Colour filters of a polarization sensor whose layout is given in degrees: each covers 2×2 polarizers.
+    /// Colour filters of a polarization sensor whose --layout is given in degrees; each filter covers 2×2 polarizers.
     #[arg(long, value_enum)]
     colour: Option<BayerName>,
-    /// Light that fell on the sample: circular_panel (a display behind a quarter-wave retarder), linear_panel, other or unknown. Under a
-    /// circular panel, reconstructions find orientations of gratings by default, else plain polarimetry.
+    /// Illumination of the sample: circular_panel (display behind a quarter-wave retarder), linear_panel, other or
+    /// unknown. With circular_panel, reconstruction yields grating orientations by default, otherwise plain
+    /// polarimetry.
     #[arg(long, default_value = "unknown", value_name = "LIGHT")]
     illumination: Illumination,
-    /// How the files encode light: linear, srgb, gamma=2.2, or recover (exposures). By default as the files state it (gAMA, sRGB, ICC
-    /// profile), else srgb for JPEG and linear for the rest.
+    /// Transfer function of the files: linear, srgb, gamma=2.2, or recover (exposures). Default: as stated in the file
+    /// (gAMA, sRGB, ICC profile), else srgb for JPEG and linear for other formats.
     #[arg(long, value_parser = transfer)]
     transfer: Option<Transfer>,
-    /// Channel of colour files and of colour polarization sensors (default: g). luminance is of the latter: the mean of the colours.
+    /// Channel of colour files and colour polarization sensors (default: g). luminance, for colour polarization sensors
+    /// only, is the mean of the colours.
     #[arg(long, value_enum)]
     channel: Option<ChannelName>,
-    /// File value of no light.
+    /// Black level: file value without light.
     #[arg(long)]
     black: Option<f64>,
-    /// File value of a saturated pixel, 4095 for 12 bit in a 16-bit file for instance.
+    /// File value of a saturated pixel, such as 4095 for 12-bit data in a 16-bit file.
     #[arg(long)]
     white: Option<f64>,
-    /// Copy the photographs and write frames.json into this new folder, instead of beside the photographs.
+    /// New folder for copies of the photographs and frames.json (default: write frames.json beside the photographs).
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Replace a frames.json that is already there.
+    /// Replace an existing frames.json.
     #[arg(long)]
     force: bool,
 }
@@ -86,19 +90,20 @@ enum KindName {
 /// JSON output of `nacre import`.
 #[derive(Serialize)]
 struct Imported<'a> {
-    /// The description, as it was written.
+    /// Description as written.
     #[serde(flatten)]
     set: &'a FrameSet,
-    /// Size and type of the photographs.
+    /// Size and format of the photographs.
     photographs: String,
     transfer_from: String,
-    /// Files of the folder that are not photographs in a supported format.
+    /// Files of the folder in no supported photograph format.
     skipped: &'a [PathBuf],
     warnings: &'a [String],
     wrote: &'a Path,
 }
 
-/// Describes the photographs, checks the description as a reconstruction does, decodes them all, and writes it.
+/// Describes the photographs, validates the description as a reconstruction would, decodes every file, and writes the
+/// frames.json.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let (files, mut skipped) = list(&args.folder)?;
     skipped.retain(|name| !name.extension().is_some_and(|e| e == "json" || e == "txt"));
@@ -145,7 +150,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A line for each photograph with an analyser angle.
+/// One line per photograph: file name and analyser angle.
 fn angles_by_file(set: &FrameSet, given: bool) -> String {
     let source = if given { "--angles-deg" } else { "file names" };
     let line = |f: &Frame| Some(format!("  {:>8}°  {}\n", f.analyser_deg?, f.file.display()));
@@ -153,7 +158,7 @@ fn angles_by_file(set: &FrameSet, given: bool) -> String {
     if lines.is_empty() { lines } else { format!("angles    from {source}:\n{lines}") }
 }
 
-/// The analyser's angles, given or read from the names; None for photographs without an analyser.
+/// Analyser angles, given or read from the file names; `None` for photographs without an analyser.
 fn angles(args: &Args, files: &[PathBuf]) -> Result<Option<Vec<f64>>, Error> {
     let Some(given) = &args.angles_deg else {
         let of_names = || named_angles(&args.folder.to_string_lossy(), files, "give --angles-deg");
@@ -181,8 +186,8 @@ fn angles(args: &Args, files: &[PathBuf]) -> Result<Option<Vec<f64>>, Error> {
     Ok(Some(given.clone()))
 }
 
-/// The first photograph whose name says another angle than the given one, and both. Names are often rounded to degrees, and an analyser
-/// is the same after half a turn.
+/// First photograph whose name contradicts the given angle, with both angles. The comparison tolerates rounding to
+/// whole degrees and is modulo 180°, the analyser's period.
 fn contradicted<'a>(files: &'a [PathBuf], given: &[f64]) -> Option<(&'a Path, f64, f64)> {
     let named = angles_in_names(files).ok()?;
     let far = |a: f64, b: f64| {
@@ -201,7 +206,7 @@ fn kind(args: &Args) -> Kind {
     }
 }
 
-/// How the frame set is described beyond its angles.
+/// Import options other than the angles.
 fn options(args: &Args) -> Options {
     Options {
         kind: kind(args),
@@ -215,7 +220,7 @@ fn options(args: &Args) -> Options {
     }
 }
 
-/// Writes `frames.json` beside the photographs.
+/// Writes `frames.json` into the folder of the photographs.
 fn write_beside(folder: &Path, text: &str, force: bool) -> Result<PathBuf, Error> {
     let target = folder.join(FILE_NAME);
     vacant(std::slice::from_ref(&target), force)?;

@@ -1,4 +1,4 @@
-//! `nacre init`: finds the devices, tries the camera, and writes a configuration.
+//! `nacre init`: detects the devices, tests the camera and writes a configuration.
 
 use super::bench::place;
 use crate::console::Console;
@@ -28,33 +28,33 @@ Examples:
   nacre init --flash none --stage '{ kind = \"hand\" }'
   nacre init --sim --out /etc/nacre.toml
 
-`nacre devices` shows what is plugged in, and the driver of each. The camera is opened for a trial frame, and its
-control lag and linearity are measured, for which something evenly lit should be in view.")]
+`nacre devices` lists connected devices and their drivers. `nacre init` captures a trial frame and measures the control
+lag and linearity of the camera. Point the camera at an evenly lit scene first.")]
 pub struct Args {
     /// Use the simulated bench.
     #[arg(long, conflicts_with_all = ["stage", "camera", "display", "flash"])]
     sim: bool,
-    /// Driver of the stage, as `nacre devices` writes it.
+    /// Driver of the stage, in the notation of `nacre devices`.
     #[arg(long, value_name = "DRIVER")]
     stage: Option<String>,
-    /// Driver of the camera.
+    /// Driver of the camera, in the notation of `nacre devices`.
     #[arg(long, value_name = "DRIVER")]
     camera: Option<String>,
-    /// Driver of the panel.
+    /// Driver of the panel, in the notation of `nacre devices`.
     #[arg(long, value_name = "DRIVER")]
     display: Option<String>,
     /// Driver of the flash, or none.
     #[arg(long, value_name = "DRIVER")]
     flash: Option<String>,
-    /// Where to write the configuration.
+    /// Configuration file to write.
     #[arg(long, default_value = "nacre.toml")]
     out: PathBuf,
-    /// Replace a configuration that is already there.
+    /// Replace an existing configuration.
     #[arg(long)]
     force: bool,
 }
 
-/// What was tried.
+/// Result of the trial.
 #[derive(Default)]
 struct Trial {
     ids: Vec<String>,
@@ -65,7 +65,7 @@ struct Trial {
 /// Exposure of the trial frame.
 const EXPOSURE: Duration = Duration::from_millis(10);
 
-/// Finds the devices, takes one trial frame and writes a configuration.
+/// Detects the devices, captures one trial frame and writes a configuration.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let picture = args.out.with_extension("trial.png");
     vacant(&[args.out.clone(), picture.clone()], args.force)?;
@@ -95,11 +95,11 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The devices that are to be used, as said or as found, and what was guessed.
+/// Bench section from the given and the detected drivers, and notes about guessed values.
 fn chosen(args: &Args) -> Result<(BenchSection, Vec<String>), Failure> {
     let found = discover(&Root::default());
     let first = |kind: Kind| {
-        // What may be something else is not spoken to without being asked.
+        // Only a safely identified device is opened unasked: an unknown one might react to our commands.
         found.iter().find(|f| f.kind == kind && f.sure).and_then(|f| f.setting.clone())
     };
     let driver = |said: &Option<String>, kind: Kind| match said.as_deref() {
@@ -111,7 +111,7 @@ fn chosen(args: &Args) -> Result<(BenchSection, Vec<String>), Failure> {
         let remedy = "plug one in (`nacre devices` says whether it may be opened), or use --sim";
         Error::input("camera", "none was found", remedy)
     })?;
-    // Without a motor a person turns the analyser; without a screen of its own the panel is a browser on any screen.
+    // Without a motor, a person rotates the analyser; without a dedicated screen, the panel is a browser window.
     let stage = driver(&args.stage, Kind::Stage).unwrap_or_else(|| "{ kind = \"hand\" }".into());
     let mut notes: Vec<String> = found
         .iter()
@@ -139,7 +139,7 @@ fn chosen(args: &Args) -> Result<(BenchSection, Vec<String>), Failure> {
     Ok((section, notes))
 }
 
-/// Reads a driver as `nacre devices` writes it.
+/// Parses a driver in the notation of `nacre devices`.
 fn read<T: DeserializeOwned>(what: &str, driver: &str) -> Result<T, Error> {
     toml::from_str(&format!("driver = {driver}")).map_err(|e| {
         let problem = format!("--{what} {driver}: {}", e.message());
@@ -158,7 +158,8 @@ fn simulated(section: &BenchSection, console: &Console) -> Result<Trial, Failure
     Ok(Trial { ids: rig.ids.clone(), frame: Some(frame), notes: vec![] })
 }
 
-/// Opens each device alone, and measures the camera. What cannot be opened is an error; what cannot be measured a note.
+/// Opens each device alone and characterises the camera. A device that cannot be opened is an error; a failed
+/// measurement becomes a note.
 fn real(section: &mut BenchSection, console: &Console) -> Result<Trial, Failure> {
     let (runtime, clock): (_, Arc<dyn Clock>) = (runtime()?, Arc::new(SystemClock));
     let _locks = section.lock()?;
@@ -197,7 +198,7 @@ fn real(section: &mut BenchSection, console: &Console) -> Result<Trial, Failure>
     Ok(trial)
 }
 
-/// A frame with the exposure of the trial.
+/// Captures a frame with the trial exposure.
 async fn first_frame(camera: &mut CameraHandle) -> Result<Frame, Failure> {
     let info = camera.describe();
     let exposure = EXPOSURE.clamp(seconds(info.exposure_s[0]), seconds(info.exposure_s[1]));
@@ -218,7 +219,7 @@ async fn first_frame(camera: &mut CameraHandle) -> Result<Frame, Failure> {
     Err(error.remedy("check cable and hub, and the camera's timestamps in the configuration").into())
 }
 
-/// Frames until a change shows, and whether the camera is linear.
+/// Measures the camera's control lag in frames and checks its linearity; `None` if the lag cannot be measured.
 async fn measure(camera: &mut CameraHandle, notes: &mut Vec<String>) -> Option<u32> {
     let info = camera.describe();
     let [low, high] = info.exposure_s;

@@ -1,4 +1,4 @@
-//! The hidden `nacre job`: computations for another process of this program.
+//! The hidden command `nacre job`: computations on behalf of another process of this program.
 
 use nacre_base::Error;
 use nacre_base::contained::{self, Link, Part};
@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use std::process::ExitCode;
 
-/// A task; its key in JSON tells which.
+/// A task, selected by its JSON key.
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Asked {
@@ -16,7 +16,7 @@ enum Asked {
     Decode(Decoding),
 }
 
-/// Serves one task on this process's standard streams.
+/// Serves one task on standard input and output.
 pub fn run() -> ExitCode {
     contained::serve(perform)
 }
@@ -24,7 +24,7 @@ pub fn run() -> ExitCode {
 fn perform(task: Value, link: &Link) -> Result<Part, Error> {
     let misused = |e: serde_json::Error| Error::input("job", e, "start it through another command");
     let asked = serde_json::from_value(task).map_err(misused)?;
-    // Predictions refuse what would meet the limit of this process.
+    // The memory limit of this process, so that predicted excess is refused before the allocation fails.
     if let Some(bytes) = link.limits().memory {
         budget::allow(bytes);
     }

@@ -1,5 +1,5 @@
-//! One device at a time, by hand: `nacre stage`, `snap`, `flash`, `show`; and the flash's guardian. Each opens only the
-//! devices that it uses.
+//! Manual control of single devices: `nacre stage`, `snap`, `flash`, `show`; and the guardian of the flash. Each
+//! command opens only the devices that it needs.
 
 use super::bench::BenchArgs;
 use crate::console::Console;
@@ -22,26 +22,27 @@ use std::time::{Duration, Instant};
 /// Commands of the analyser's stage.
 #[derive(Subcommand)]
 pub enum Stage {
-    /// Turn the analyser to an angle, from below.
+    /// Rotate the analyser to an angle, approaching from below to avoid backlash.
     #[command(after_help = "Example:\n  nacre stage move 45 --sim --socket /tmp/bench")]
     Move {
-        /// Angle in degrees.
+        /// Analyser angle in degrees.
         #[arg(allow_negative_numbers = true)]
         angle_deg: f64,
-        /// Which bench.
+        /// Bench.
         #[command(flatten)]
         bench: BenchArgs,
     },
-    /// Find the mechanical zero.
+    /// Find the mechanical zero of the stage.
     #[command(after_help = "Example:\n  nacre stage home --sim --socket /tmp/bench")]
     Home(BenchArgs),
-    /// Search the best motor frequencies of an Elliptec stage: when it gets stuck, or its load was changed. It moves.
+    /// Search the best motor frequencies of an Elliptec stage, after a change of load or when it gets stuck. Moves the
+    /// stage.
     #[command(after_help = "Example:\n  nacre stage search-frequency --config nacre.toml")]
     SearchFrequency(BenchArgs),
-    /// Run the cleaning cycle of an Elliptec stage: minutes, over the whole turn.
+    /// Run the cleaning cycle of an Elliptec stage. Takes minutes and moves over the full turn.
     #[command(after_help = "Example:\n  nacre stage clean --config nacre.toml")]
     Clean(BenchArgs),
-    /// Say where the analyser stands.
+    /// Print the analyser angle.
     #[command(after_help = "Example:\n  nacre stage where --sim --socket /tmp/bench --json")]
     Where(BenchArgs),
 }
@@ -55,25 +56,26 @@ Examples:
 pub struct Snap {
     #[command(flatten)]
     bench: BenchArgs,
-    /// The picture (16-bit PNG).
+    /// Picture (16-bit PNG).
     #[arg(long)]
     out: PathBuf,
-    /// Exposure time.
+    /// Exposure time in ms.
     #[arg(long, default_value_t = 10.0)]
     exposure_ms: f64,
-    /// Gain.
+    /// Camera gain.
     #[arg(long, default_value_t = 1.0)]
     gain: f64,
-    /// What the panel shows meanwhile: black, disc:DIAMETER or disc:DIAMETER@X,Y in mm (default: disc:180, if there is a panel).
+    /// Panel pattern during the exposure: black, disc:DIAMETER or disc:DIAMETER@X,Y in mm (default with a panel:
+    /// disc:180).
     #[arg(long, value_parser = pattern)]
     show: Option<Pattern>,
-    /// Turn the analyser first.
+    /// Rotate the analyser to this angle in degrees first.
     #[arg(long, allow_negative_numbers = true)]
     analyser_deg: Option<f64>,
-    /// Switch the flash on meanwhile.
+    /// Switch the flash on during the exposure.
     #[arg(long)]
     flash: bool,
-    /// Replace a picture that is already there.
+    /// Replace an existing picture.
     #[arg(long)]
     force: bool,
 }
@@ -81,20 +83,20 @@ pub struct Snap {
 /// Commands of the flash.
 #[derive(Subcommand)]
 pub enum FlashCommand {
-    /// Light until Ctrl-C, but no longer than the flash may be on.
+    /// Switch the flash on until Ctrl-C, at most for its maximum on time.
     #[command(after_help = "Example:\n  nacre flash on --seconds 2 --sim --socket /tmp/bench")]
     On {
-        /// Off again after this.
+        /// Switch off after this time in seconds.
         #[arg(long)]
         seconds: Option<f64>,
-        /// Which bench.
+        /// Bench.
         #[command(flatten)]
         bench: BenchArgs,
     },
-    /// Off, and check that it is.
+    /// Switch the flash off and verify its state.
     #[command(after_help = "Example:\n  nacre flash off --sim --socket /tmp/bench")]
     Off(BenchArgs),
-    /// On and off again, with its state read back each time.
+    /// Switch the flash on and off, reading its state back each time.
     #[command(after_help = "Example:\n  nacre flash test --sim")]
     Test(BenchArgs),
 }
@@ -106,10 +108,10 @@ Examples:
   nacre show disc:180 --sim --socket /tmp/bench
   nacre show disc:30@-100,50 --seconds 5 --sim --socket /tmp/bench")]
 pub struct Show {
-    /// black, disc:DIAMETER or disc:DIAMETER@X,Y in mm from the panel's middle.
+    /// Pattern: black, disc:DIAMETER or disc:DIAMETER@X,Y in mm from the panel's centre.
     #[arg(value_parser = pattern)]
     pattern: Pattern,
-    /// Black again after this.
+    /// Return to black after this time in seconds.
     #[arg(long)]
     seconds: Option<f64>,
     #[command(flatten)]
@@ -119,7 +121,7 @@ pub struct Show {
 /// Arguments of the guardian.
 #[derive(clap::Args)]
 pub struct Guardian {
-    /// Which flash (JSON).
+    /// Flash driver (JSON).
     flash: String,
 }
 
@@ -136,7 +138,7 @@ fn pattern(text: &str) -> Result<Pattern, String> {
     if diameter_mm > 0.0 { Ok(Pattern::Disc { center_mm, diameter_mm }) } else { Err(expected()) }
 }
 
-/// Opens the devices that are used, runs `work` while the interlocks hold, and leaves the light of these devices off.
+/// Opens the devices in `uses`, runs `work` while the interlocks hold, and leaves their light off.
 pub(super) fn with_hands<T>(
     place: &Place,
     uses: Uses,
@@ -150,7 +152,7 @@ pub(super) fn with_hands<T>(
     runtime.block_on(async {
         let interrupted = async {
             hold(console, f64::INFINITY).await;
-            // What ends by itself ends in order; what hangs is left.
+            // Devices get one second to finish in order; a hanging one is then abandoned.
             tokio::time::sleep(Duration::from_secs(1)).await;
             Err(Error::Cancelled.into())
         };
@@ -166,7 +168,7 @@ pub(super) fn with_hands<T>(
     })
 }
 
-/// Moves or asks the stage.
+/// Moves or queries the stage.
 pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
     let bench = match command {
         Stage::SearchFrequency(bench) | Stage::Clean(bench) => return care(command, bench, console),
@@ -195,7 +197,7 @@ pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Looks after the mechanics of an Elliptec stage.
+/// Runs the maintenance of an Elliptec stage.
 fn care(command: &Stage, bench: &BenchArgs, console: &Console) -> Result<(), Failure> {
     let place = bench.place()?;
     let uses = Uses { stage: Use::Always, ..Uses::NONE };
@@ -236,10 +238,10 @@ fn care(command: &Stage, bench: &BenchArgs, console: &Console) -> Result<(), Fai
     Ok(())
 }
 
-/// The panel of a picture, unless told otherwise.
+/// Default panel pattern of a picture.
 const WHITE: Pattern = Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 180.0 };
 
-/// Takes one fresh picture.
+/// Captures one frame exposed after all settings have taken effect.
 pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
     vacant(std::slice::from_ref(&args.out), args.force)?;
     let place = args.bench.place()?;
@@ -330,7 +332,8 @@ pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
                 }
                 hands.switch(true).await?;
                 console.note(&format!("the flash is on for {wanted} s; Ctrl-C ends it"));
-                // A little less than its limit, so that it is us who end it.
+                // Slightly below the maximum on time, so that this command ends the light before the flash's own limit
+                // does.
                 hold(console, wanted.min(longest - 0.1).max(0.0)).await;
                 hands.flash_still_on().await?;
                 hands.switch(false).await?;
@@ -342,7 +345,7 @@ pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Shows a pattern until somebody stops it.
+/// Shows a pattern until Ctrl-C or the time limit.
 pub fn show(args: &Show, console: &Console) -> Result<(), Failure> {
     let uses = Uses { display: Use::Always, ..Uses::NONE };
     with_hands(&args.bench.place()?, uses, console, async |hands| {
@@ -366,7 +369,7 @@ pub fn show(args: &Show, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Waits, but not after Ctrl-C: that is how a person ends it, and no failure.
+/// Waits for `seconds`, or until Ctrl-C, which is the regular end and no failure.
 async fn hold(console: &Console, seconds: f64) {
     let begun = Instant::now();
     while begun.elapsed().as_secs_f64() < seconds && !console.cancelled() {
@@ -374,7 +377,7 @@ async fn hold(console: &Console, seconds: f64) {
     }
 }
 
-/// Runs the guardian on this process's standard streams.
+/// Runs the guardian on standard input and output.
 pub fn guardian(args: &Guardian) -> ExitCode {
     let guarded = serde_json::from_str::<Guarded>(&args.flash)
         .map_err(|e| DeviceError::new("flash guardian", "start", "the description of a flash", e.to_string()));

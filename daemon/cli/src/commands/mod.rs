@@ -34,21 +34,21 @@ use nacre_base::Error;
 use nacre_base::text::{from_toml, read_text};
 use std::path::Path;
 
-/// Option of commands whose operation states its time, memory and disk ([`nacre_base::progress::Progress::expect`]).
+/// Option of commands whose operation predicts its time, memory and disk ([`nacre_base::progress::Progress::expect`]).
 #[derive(clap::Args)]
 pub struct Estimating {
-    /// Only say how long it would take, and how much memory and disk.
+    /// Only print the predicted time, memory and disk space.
     #[arg(long)]
     estimate: bool,
 }
 
-/// Largest description that is read.
+/// Maximum size of a description file.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Reads a small TOML file.
 ///
 /// # Errors
-/// `Input` with this remedy for what cannot be read or is something else.
+/// `Input` with this remedy for an unreadable or invalid file.
 fn toml_file<T: serde::de::DeserializeOwned>(path: &Path, remedy: &str) -> Result<T, Error> {
     let text = read_text(path, MAX_BYTES, remedy)?;
     from_toml(&text).map_err(|problem| Error::file(path, problem, remedy))

@@ -12,16 +12,16 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::PathBuf;
 
-/// What is photographed.
+/// Kinds of simulated photographs.
 #[derive(Subcommand)]
 pub enum Photograph {
-    /// A homogeneous surface under a flash behind a narrow-band filter, in several exposures.
+    /// Photograph a homogeneous surface under a flash with a narrow-band filter, in several exposures.
     Flash(Flash),
-    /// An out-of-focus highlight on a grating, in which dark is deep.
+    /// Photograph an out-of-focus highlight on a grating; dark is deep.
     Bokeh(Bokeh),
-    /// Foil of random dots under a flash, in several exposures, with its geometry.json.
+    /// Photograph a random-dot foil under a flash in several exposures; writes a geometry.json.
     Foil(Foil),
-    /// A sheet of repeated tiles under a flash at several places, in narrow-band light.
+    /// Photograph a sheet of repeated tiles under a flash at several positions, in narrow-band light.
     Tiles(Tiles),
 }
 
@@ -33,7 +33,7 @@ Examples:
   nacre sim photograph flash --scene cd.toml --out photo
   nacre reconstruct hdr photo --out hdr
 
-with cd.toml, in which everything can be left out:
+with cd.toml, where every key is optional:
   wavelength_nm = 680
   band_nm = 10
   pixel_um = 1000
@@ -56,7 +56,7 @@ Examples:
   nacre sim photograph bokeh --scene lines.toml --out photo
   nacre reconstruct bokeh photo/photograph.png --psf-sigma 2 --pixel-um 2.5 --out result
 
-with lines.toml, in which everything can be left out:
+with lines.toml, where every key is optional:
   profile = \"rectangular\"
   duty = 0.4
   period_um = 30
@@ -79,7 +79,7 @@ Examples:
   nacre sim photograph foil --out photo                     a spiral
   nacre reconstruct foil photo --geometry photo/geometry.json --depth-um 0.08 --out result
 
-with a scene in TOML, in which everything can be left out:
+with a scene in TOML, where every key is optional:
   pattern = { spiral = [1.0, 1.45] }      or { circle = 1.2 }: periods in µm
   spread_um = 0.06
   depth_um = 0.08
@@ -98,7 +98,7 @@ Examples:
   nacre sim photograph tiles --scene sheet.toml --out photos
   nacre reconstruct flash photos --tiles 10x8 --size-mm 297x210 --out maps
 
-with sheet.toml, in which everything can be left out:
+with sheet.toml, where every key is optional:
   tiles = [10, 8]
   tile_mm = [29.7, 26.25]
   misaligned_px = 3
@@ -118,30 +118,30 @@ pub struct Tiles {
     common: Common,
 }
 
-/// What all photographs take.
+/// Arguments of all photographs.
 #[derive(clap::Args)]
 struct Common {
-    /// Description of the scene (TOML); its defaults are used without it.
+    /// Description of the scene (TOML; default: built-in values).
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Folder for the photographs.
     #[arg(long)]
     out: PathBuf,
-    /// Replace files that are already in the folder.
+    /// Replace existing files in the folder.
     #[arg(long)]
     force: bool,
 }
 
-/// What all scenes can do.
+/// Functions common to all scenes.
 struct Scene<S> {
     kind: &'static str,
     check: fn(&S) -> Result<(), Error>,
     write: fn(&S, &OutputFolder) -> Result<(), Error>,
-    /// What was photographed, in a line.
+    /// One-line summary of the photographed scene.
     said: fn(&S) -> String,
 }
 
-/// Renders and writes.
+/// Renders and writes the photographs.
 pub fn run(command: &Photograph, console: &Console) -> Result<(), Failure> {
     match command {
         Photograph::Flash(args) => {

@@ -13,17 +13,17 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Estimates of a session and of its results.
+/// Predicted time, memory and disk space of a session and of its results.
 #[derive(Serialize)]
 struct Needs {
     #[serde(flatten)]
     estimate: Estimate,
-    /// Of the reconstruction that the plan asks for.
+    /// Prediction for the reconstruction that the plan requests.
     #[serde(skip_serializing_if = "Option::is_none")]
     results: Option<estimate::Estimate>,
 }
 
-/// Longer side of the pictures by which a simulated bench is metered for an estimate.
+/// Longer side in pixels of the pictures used to meter a simulated bench for an estimate.
 const METERED_PX: u32 = 128;
 
 /// Commands on plans.
@@ -31,7 +31,7 @@ const METERED_PX: u32 = 128;
 pub enum PlanCommand {
     /// Check a plan against the limits of a bench.
     Check(PlanArgs),
-    /// Say how long a session takes and how much disk it needs. Where the exposure is to be metered, it is.
+    /// Estimate the duration and disk space of a session. Meters the exposure if the plan asks for metering.
     Estimate(PlanArgs),
 }
 
@@ -42,13 +42,13 @@ Examples:
   nacre plan check plan.toml
   nacre plan estimate plan.toml --bench bench.toml --json")]
 pub struct PlanArgs {
-    /// The plan (TOML, or JSON by its name).
+    /// Plan (TOML, or JSON by file extension).
     plan: PathBuf,
     #[command(flatten)]
     bench: BenchArgs,
 }
 
-/// Runs a command on a plan.
+/// Runs the selected command.
 pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
     let (PlanCommand::Check(args) | PlanCommand::Estimate(args)) = command;
     let plan = Plan::read(&args.plan)?;
@@ -94,7 +94,7 @@ pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What metering will find depends on the sample, so it has to be looked at.
+/// Estimates a plan. The metered exposure depends on the sample, so a simulated bench is metered first.
 fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Console) -> Result<Estimate, Failure> {
     if !plan.is_metered() {
         let exposure = Duration::from_secs_f64(plan.camera.exposure_ms.unwrap_or(10.0) / 1000.0);
@@ -103,7 +103,7 @@ fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Consol
     let (runtime, control) = (runtime()?, Control::default());
     let mut place = bench.described()?;
     if let Some(SimulatedBench::Here { config, .. }) = place.simulated.as_mut().filter(|_| plan.camera.roi.is_none()) {
-        // A smaller picture of the same sample is as bright.
+        // A smaller picture of the same sample has the same brightness and renders faster.
         let size = [config.camera.width, config.camera.height];
         let factor = (size[0].max(size[1]) / METERED_PX).max(1);
         [config.camera.width, config.camera.height] = size.map(|pixels| (pixels / factor).max(1));

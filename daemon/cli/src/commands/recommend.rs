@@ -13,30 +13,30 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  nacre recommend sheet.jpg                                  a photograph by room light, all of the sample in it
-  nacre recommend result --need orientation                  a folder with orientation.exr
-  nacre recommend sheet.jpg --out advice                     writes report.json and tile.png, the tile that was found
+  nacre recommend sheet.jpg                                  photograph by room light, showing the whole sample
+  nacre recommend result --need orientation                  folder with orientation.exr
+  nacre recommend sheet.jpg --out advice                     write report.json and tile.png (the detected tile)
 
-Looks for a tile that is repeated, and for areas that are even within themselves. Both together suit a flash at several
-places (reconstruct flash); all else fringes on the panel (spots), or polarization where periods are not needed.")]
+Searches for a repeated tile and for uniform areas. Samples with both suit a flash at several positions (reconstruct
+flash). Other samples suit fringes on the panel (spots), or polarization if periods are not needed.")]
 pub struct Recommend {
-    /// Photograph of the sample, or its map of orientations.
+    /// Photograph of the sample, or its orientation map.
     input: PathBuf,
-    /// What is to be known: orientations with absolute periods, or orientations alone.
+    /// Required result: period (orientations and absolute periods) or orientation alone.
     #[arg(long, default_value = "period", value_name = "period|orientation")]
     need: Need,
-    /// Colours of angles in tile.png of a map: cyclic (even steps, also for colour-blind readers) or hsv.
+    /// Colour scale of angles in tile.png of a map: cyclic (perceptually even, safe for colour-blind readers) or hsv.
     #[arg(long, default_value = "cyclic", value_name = "cyclic|hsv")]
     palette: Palette,
     /// Folder for report.json and tile.png.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Replace files that are already in the folder.
+    /// Replace existing files in the folder.
     #[arg(long)]
     force: bool,
 }
 
-/// Looks, and says what suits.
+/// Analyses the picture and recommends a method.
 pub fn run(args: &Recommend, console: &Console) -> Result<(), Failure> {
     console.stage("looking", 1);
     let folder = args.out.as_deref().map(|out| OutputFolder::begin(out, args.force)).transpose()?;
@@ -57,7 +57,7 @@ fn summary(report: &Report) -> String {
     let mut text = match &report.repeats {
         None => "tile      none is repeated\n".to_owned(),
         Some(r) => {
-            // No minus before a zero.
+            // Adding 0.0 turns -0.0 into 0.0, which prints without a sign.
             let [a, b] = r.sides_px.map(|v| v.map(|d| (10.0 * d).round() / 10.0 + 0.0));
             format!(
                 "tile      sides of ({:.1}, {:.1}) and ({:.1}, {:.1}) pixels, room for {:.0} copies, {:.0} % alike\n",
@@ -87,7 +87,7 @@ fn name(advice: Advice) -> &'static str {
     }
 }
 
-/// The command to go on with.
+/// Command to continue with.
 fn next(advice: Advice) -> &'static str {
     match advice {
         Advice::Flash => "nacre reconstruct flash --help; try it first with nacre sim photograph tiles",

@@ -22,12 +22,12 @@ use std::path::{Path, PathBuf};
 Examples:
   nacre render cd.toml --out cd.exr
   nacre render cd.toml --out cd.exr --max-error 0.003 --samples 4096
-  nacre render foil.toml --out foil.exr --keep foil.state.exr          Ctrl-C, and later the same with --resume
+  nacre render foil.toml --out foil.exr --keep foil.state.exr          stop with Ctrl-C, continue with --resume
   nacre render foil.toml --out turning --frames 36 --turn light       a folder of 36 pictures
-  nacre render cd.toml --out cd.exr --spectral-nm 10                     with 41 bands from 380 to 780 nm
-  nacre render phone.toml --out phone.exr --method two-pass --rank 3   a table in a room, by filtered environments
-  nacre render --gallery gallery                                       scenes to start from, rendered
-  nacre render --gallery gallery --scenes cd,cd-room                   only these
+  nacre render cd.toml --out cd.exr --spectral-nm 10                     41 bands from 380 to 780 nm
+  nacre render phone.toml --out phone.exr --method two-pass --rank 3   lookup table in a room, prefiltered environment
+  nacre render --gallery gallery                                       write and render example scenes
+  nacre render --gallery gallery --scenes cd,cd-room                   only these scenes
   nacre render --gallery gallery --skin elaphe.png --pixel-um 0.08 --range-um 0.43
 
 A scene (nacre schema scene):
@@ -48,57 +48,58 @@ A scene (nacre schema scene):
   [material.foil.diffraction]
   type = \"grating\"
   relief = { depth_um = 0.15 }
-  maps = \"orientation.exr\"        # as nacre reconstruct polarization writes it
+  maps = \"orientation.exr\"        # from nacre reconstruct polarization
   period_um = 1.5
   reflectance = \"aluminium\"
 
-Writes FILE.exr (R G B, linear sRGB, the standard error of the luminance, and spectra with --spectral-nm) and FILE.png.")]
+Writes FILE.png and FILE.exr: R G B (linear sRGB), the standard error of the luminance, and spectra with --spectral-nm.")]
 pub struct Args {
-    /// The scene (TOML); its files are sought beside it.
+    /// Scene (TOML). Relative paths in it start from its folder.
     #[arg(required_unless_present = "gallery")]
     scene: Option<PathBuf>,
-    /// The picture (EXR); a PNG goes beside it. With --frames, a folder.
+    /// Picture (EXR); a PNG is written beside it. With --frames: a folder.
     #[arg(long, value_name = "FILE.exr", required_unless_present = "gallery")]
     out: Option<PathBuf>,
-    /// Write scenes to start from into this folder, and render them.
+    /// Write example scenes into this folder and render them.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "out", "frames", "keep"])]
     gallery: Option<PathBuf>,
     /// With --gallery: only these scenes, such as cd,cd-room.
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "gallery")]
     scenes: Vec<String>,
-    /// With --gallery: the snake once more, with the skin that this height field measures (image, EXR or text, as for nacre brdf map).
+    /// With --gallery: also render the snake with the skin in this height field (image, EXR or text, as for nacre brdf
+    /// map).
     #[arg(long, value_name = "FILE", requires = "gallery")]
     skin: Option<PathBuf>,
-    /// Size of its pixels, unless the file says so.
+    /// Pixel pitch of --skin in µm (default: as stated in the file).
     #[arg(long, value_name = "UM", requires = "skin")]
     pixel_um: Option<f64>,
-    /// Height of its white above its black, unless the file says so.
+    /// Height range of --skin in µm, from black to white (default: as stated in the file).
     #[arg(long, value_name = "UM", requires = "skin")]
     range_um: Option<f64>,
     #[command(flatten)]
     options: Flags<Options>,
-    /// Keep what has been done in this file, every ten seconds and at the end.
+    /// Save progress to this file every ten seconds and at the end.
     #[arg(long, value_name = "FILE.exr")]
     keep: Option<PathBuf>,
-    /// Go on from the file of --keep.
+    /// Resume from the file of --keep.
     #[arg(long, requires = "keep")]
     resume: bool,
-    /// Number of pictures of a full turn.
+    /// Number of frames of a full turn (at most 10000).
     #[arg(long, value_name = "N", requires = "turn")]
     frames: Option<usize>,
-    /// What to rotate about the z axis.
+    /// Part of the scene to rotate about the z axis.
     #[arg(long, value_enum, requires = "frames")]
     turn: Option<Turning>,
-    /// Render on a graphics card; on the processor where there is none, or none that does the scene.
+    /// Render on a graphics card. Falls back to the processor without a suitable card, or for unsupported scenes.
     #[arg(long)]
     gpu: bool,
-    /// The same as --method samples.
+    /// Alias of --method samples.
     #[arg(long, conflicts_with = "method")]
     by_chance: bool,
-    /// Replace files that are there.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
-    /// Only measure a few passes, and say how long it would take, and how much memory and disk.
+    /// Render a few passes, then only print the predicted time, memory and disk space.
     #[arg(long, conflicts_with = "gallery")]
     estimate: bool,
 }
@@ -113,10 +114,10 @@ enum Turning {
     Sample,
 }
 
-/// Most frames of an animation.
+/// Maximum number of frames of an animation.
 const MOST_FRAMES: usize = 10_000;
 
-/// Renders.
+/// Renders a scene, an animation or the gallery.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     if let Some(folder) = &args.gallery {
         return render_gallery(args, folder, console);
@@ -126,7 +127,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     };
     let folder = scene.parent().unwrap_or(Path::new("")).to_path_buf();
     let scene = Scene::read(scene)?;
-    // Known before they are read, so that an output that would replace one is refused before anything is rendered.
+    // Registered before they are read, so that an output that would overwrite an input is refused before rendering.
     input::remember(scene.files().into_iter().map(|(_, file)| folder.join(file)));
     if let Some(keep) = args.keep.as_ref().filter(|_| !args.resume) {
         writable(keep)?;
@@ -151,7 +152,7 @@ impl Args {
         Ok(Settings { method, keep, resume, gpu, ..options.settings() })
     }
 
-    /// Fails where the noise, or the error of two passes, is larger than asked for.
+    /// Fails if the noise or the two-pass error exceeds the requested bound.
     fn judge(&self, (noise, two_passes): (f64, f64)) -> Result<(), Failure> {
         let wanted = self.options.options()?.max_error;
         match self.options.is_given("max_error") {
@@ -177,7 +178,7 @@ fn single(args: &Args, scene: &Scene, folder: &Path, out: &Path, console: &Conso
     args.judge((report.noise, two_passes(&report)))
 }
 
-/// Pictures of a full turn, in a folder, all of the first one's exposure.
+/// Renders a full turn into a folder; all frames use the exposure of the first.
 fn animation(
     args: &Args,
     (mut scene, folder): (Scene, &Path),
@@ -218,7 +219,7 @@ fn animation(
     args.judge(worst)
 }
 
-/// Progress of one of several frames, each of which is expected to take as long as the first.
+/// Progress of one frame of several. Every frame is expected to take as long as the first.
 struct OneOf<'a> {
     console: &'a Console,
     frames: usize,
@@ -252,7 +253,8 @@ fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), F
     let measured = skin.map(|skin| gallery_skin(&target, &skin)).transpose()?;
     let measured = measured.iter().flatten().map(|name| (*name).to_owned());
     let scenes: Vec<String> = if args.scenes.is_empty() {
-        // First, so that a skin that is too coarse is refused before the others are rendered.
+        // The measured skin comes first, so that a height field that is too coarse is refused before other scenes are
+        // rendered.
         measured.chain(gallery(&target)?).collect()
     } else {
         let measured: Vec<String> = measured.collect();
@@ -281,7 +283,7 @@ fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), F
     args.judge(worst)
 }
 
-/// Error of all shapes that two passes render.
+/// Largest error among the shapes rendered by the two-pass method.
 fn two_passes(report: &Report) -> f64 {
     let used = report.environments.iter().filter(|e| e.method == "two-pass");
     used.map(|e| e.measured_error).fold(0.0, f64::hypot)

@@ -6,29 +6,29 @@ use nacre_capture::session::{DamagedLine, Journal, Salvage, salvage};
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Most damaged lines that are printed; `--json` has more.
+/// Maximum number of damaged lines printed; `--json` lists all.
 const MAX_PRINTED: usize = 20;
 
 /// Arguments of `nacre salvage`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  nacre salvage session --dry-run     which lines and frames are lost
-  nacre salvage session               replace the journal by its undamaged lines
-  nacre capture --resume session      then take the frames that are lost
+  nacre salvage session --dry-run     list lost lines and frames
+  nacre salvage session               rebuild the journal from its undamaged lines
+  nacre capture --resume session      then capture the lost frames
 
-For a session that `nacre check` refuses because of its journal. The damaged journal is kept in
-the session folder as journal.damaged; no frame is touched. A frame whose entry is lost stays on
-the disk, but nothing verifies it: a resumed capture takes it again.")]
+For sessions that `nacre check` refuses because of their journal. Keeps the damaged journal in the
+session folder as journal.damaged and changes no frame. A frame with a lost entry stays on the disk
+but cannot be verified: a resumed capture replaces it.")]
 pub struct Args {
     /// Session folder.
     session: PathBuf,
-    /// Only say what would be kept and lost; write nothing.
+    /// Report recoverable and lost frames without writing.
     #[arg(long)]
     dry_run: bool,
 }
 
-/// Makes a readable session of the undamaged lines.
+/// Rebuilds a readable session from the undamaged lines.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let salvage = salvage(&args.session, !args.dry_run)?;
     console.result(&text(&salvage, args), &salvage);

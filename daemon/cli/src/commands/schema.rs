@@ -16,23 +16,23 @@ pub struct Args {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Name {
-    /// frames.json: a set of photographs.
+    /// frames.json: set of photographs.
     Frames,
-    /// plan.toml: what a capture takes.
+    /// plan.toml: capture plan.
     Plan,
-    /// bench.toml: the simulated bench.
+    /// bench.toml: simulated bench.
     Bench,
-    /// geometry.json: where camera, sample, panel and light are.
+    /// geometry.json: poses of camera, sample, panel and light.
     Geometry,
-    /// A scene that `nacre render` renders.
+    /// Scene of `nacre render`.
     Scene,
-    /// nacre.toml: the service.
+    /// nacre.toml: configuration of bench and service.
     Config,
-    /// The REST interface of the service, as an OpenAPI document.
+    /// REST interface of the service, as an OpenAPI document.
     Openapi,
 }
 
-/// Prints the schema; it is JSON with and without `--json`.
+/// Prints the schema, which is JSON with and without `--json`.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let schema = match args.name {
         Name::Frames => schemars::schema_for!(FrameSet),

@@ -13,13 +13,13 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-/// Signals are looked for this often.
+/// Polling interval for signals.
 const SIGNALS: Duration = Duration::from_millis(20);
 
-/// After a first signal the service may end in order for this long,
+/// Time for an orderly shutdown after the first signal.
 const IN_ORDER: Duration = Duration::from_secs(4);
 
-/// and then, or after a second signal, threads may end for this long.
+/// Time for threads to end after that, or after a second signal.
 const AT_ONCE: Duration = Duration::from_millis(500);
 
 /// Arguments of `nacre serve`.
@@ -30,20 +30,20 @@ Examples:
   nacre serve --config nacre.toml
   NACRE_SERVE_LISTEN=127.0.0.1:9000 nacre serve --sim
 
-Listens on this machine only unless the configuration says otherwise, which needs a token
-(`nacre token`). Ctrl-C or SIGTERM ends it in order within 5 s: a session in progress can be
-resumed, light is off. A second one ends it at once.")]
+By default, listens on this machine only. Access from other machines needs a token (`nacre token`).
+Ctrl-C or SIGTERM stops the service in order within 5 s: the light is off, and a session in
+progress can be resumed. A second signal stops it at once.")]
 pub struct Args {
-    /// Use the simulated bench, at the pace of a real one.
+    /// Use the simulated bench at the pace of a real one.
     #[arg(long)]
     sim: bool,
-    /// Description of the simulated bench (TOML).
+    /// Description of the simulated bench (TOML; default: built-in values).
     #[arg(long)]
     bench: Option<PathBuf>,
-    /// Configuration (default: nacre.toml, where there is one).
+    /// Configuration (default: nacre.toml, if it exists).
     #[arg(long)]
     config: Option<PathBuf>,
-    /// Address to listen on.
+    /// Address and port to listen on.
     #[arg(long)]
     listen: Option<SocketAddr>,
     /// Folder for sessions, results, catalogue and jobs.
@@ -57,11 +57,11 @@ pub struct Args {
 Example:
   nacre token anna --role operate >> nacre.toml
 
-The token itself is printed once, on standard error; the configuration keeps its hash only.")]
+Prints the token once, on standard error. The configuration stores only its hash.")]
 pub struct Token {
-    /// Whose it is.
+    /// Name of the token's owner.
     name: String,
-    /// What it allows.
+    /// Role of the owner.
     #[arg(long, value_enum, default_value_t = Role::Operate)]
     role: Role,
 }
@@ -73,7 +73,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     config.listen = args.listen.unwrap_or(config.listen);
     config.data = args.data.clone().unwrap_or(config.data);
     if args.sim && !config.bench.sim {
-        // Nothing real moves, whatever the configuration describes.
+        // `--sim` must move no real device, whatever the configuration describes.
         config.bench = BenchSection { sim: true, ..BenchSection::default() };
     }
     config.bench.file = args.bench.clone().or(config.bench.file);
@@ -100,7 +100,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let result = runtime.block_on(async {
         let cut = async {
             asked(1).await;
-            // Time for the command that switches the light off, before anything is cut.
+            // Leaves the command that switches the light off enough time before the runtime is stopped.
             tokio::time::sleep(2 * SIGNALS).await;
             let _ = tokio::time::timeout(IN_ORDER, asked(2)).await;
         };
@@ -110,12 +110,12 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
             () = cut => Ok(()),
         }
     });
-    // Light may still be on its way off; whatever else runs ends with the process.
+    // The command that switches the light off may still run; all other tasks end with the process.
     runtime.shutdown_timeout(AT_ONCE);
     result
 }
 
-/// Makes a token.
+/// Generates a token.
 pub fn token(args: &Token, console: &Console) -> Result<(), Failure> {
     let mut bytes = [0_u8; 32];
     let random = std::fs::File::open("/dev/urandom").and_then(|mut f| std::io::Read::read_exact(&mut f, &mut bytes));

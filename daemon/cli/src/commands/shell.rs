@@ -28,21 +28,21 @@ pub struct Man {
     /// Folder for the pages.
     #[arg(long)]
     out: PathBuf,
-    /// Replace pages that are already in the folder.
+    /// Replace existing pages in the folder.
     #[arg(long)]
     force: bool,
 }
 
-/// Prints the script.
+/// Prints the completion script.
 pub fn completions(args: &Completions, mut command: Command) -> Result<(), Failure> {
     let mut script = vec![];
     clap_complete::generate(args.shell, &mut command, "nacre", &mut script);
-    // A reader that went away is no failure of the command.
+    // A closed pipe is not a failure of the command.
     let _ = std::io::stdout().lock().write_all(&script);
     Ok(())
 }
 
-/// Writes the pages.
+/// Writes the manual pages.
 pub fn man(args: &Man, mut command: Command, console: &Console) -> Result<(), Failure> {
     command.build();
     let folder = OutputFolder::begin(&args.out, args.force)?;
@@ -54,7 +54,7 @@ pub fn man(args: &Man, mut command: Command, console: &Console) -> Result<(), Fa
     Ok(())
 }
 
-/// Writes a command's page and those of the commands below it.
+/// Writes the page of a command and those of its subcommands.
 fn write_pages(command: &Command, name: &str, folder: &OutputFolder, pages: &mut Vec<String>) -> Result<(), Error> {
     let file = format!("{name}.1");
     let mut page = vec![];

@@ -22,13 +22,13 @@ use std::sync::Arc;
 /// Commands of the simulated bench.
 #[derive(Subcommand)]
 pub enum Sim {
-    /// Capture a polarization session on the simulated bench, with the truth beside it.
+    /// Simulate a polarization session, with its ground truth.
     Render(Render),
-    /// Run the simulated bench in a process of its own until Ctrl-C.
+    /// Run the simulated bench as a separate process until Ctrl-C.
     Bench(Serve),
-    /// Emulate real devices on it, down to the bytes on the wire, until Ctrl-C.
+    /// Emulate real devices on the simulated bench, down to the wire protocol, until Ctrl-C.
     Attach(super::attach::Args),
-    /// Render photographs of diffracting surfaces, apart from the bench.
+    /// Render photographs of diffracting surfaces, independent of the bench.
     #[command(subcommand)]
     Photograph(super::photograph::Photograph),
 }
@@ -41,16 +41,16 @@ Examples:
   nacre capture plan.toml --sim --socket /tmp/bench --out session
   nacre sim bench --socket /tmp/bench --bench bench.toml --real-time
 
-The bench outlives a capture that is killed, as a real one does. Its time advances only as
-devices need it, unless it is to take as long as a real one.")]
+The bench keeps running when a capture is killed, as a real one does. Simulated time advances
+only when devices need it, unless --real-time is given.")]
 pub struct Serve {
     /// Unix socket to listen on.
     #[arg(long)]
     socket: PathBuf,
-    /// Description of the bench (TOML); its defaults are used without it.
+    /// Description of the simulated bench (TOML; default: built-in values).
     #[arg(long)]
     bench: Option<PathBuf>,
-    /// Take as long as a real bench.
+    /// Run at the pace of a real bench.
     #[arg(long)]
     real_time: bool,
     #[command(flatten)]
@@ -67,9 +67,9 @@ Examples:
 
 Samples: kinematic, stars, polygons, circles, fireworks, logo, emblem, cd, stochastic, mosaic.
 Writes frames/, frames.json, truth.exr (orientation, period, purity) and bench.toml;
-`nacre schema bench` lists all knobs.")]
+`nacre schema bench` lists all settings.")]
 pub struct Render {
-    /// Description of the bench (TOML); its defaults are used without it.
+    /// Description of the simulated bench (TOML; default: built-in values).
     #[arg(long)]
     bench: Option<PathBuf>,
     #[command(flatten)]
@@ -77,24 +77,24 @@ pub struct Render {
     /// Folder for the session.
     #[arg(long)]
     out: PathBuf,
-    /// Replace a session that is already in the folder.
+    /// Replace an existing session in the folder.
     #[arg(long)]
     force: bool,
 }
 
-/// The knobs of the bench that are most often turned; they override the bench file.
+/// Frequently used bench settings; they override the bench file.
 #[derive(clap::Args, Clone)]
 pub struct BenchOptions {
-    /// Sample on the table.
+    /// Sample on the bench.
     #[arg(long, value_parser = sample)]
     sample: Option<SampleKind>,
-    /// Seed of sample, defects and noise.
+    /// Random seed of sample, defects and noise.
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Pixels per side of the photographs.
+    /// Width and height of the photographs in pixels.
     #[arg(long)]
     size: Option<u32>,
-    /// Retardance of the film over the grating in degrees.
+    /// Retardance in degrees of the film over the grating.
     #[arg(long)]
     retardance_deg: Option<f64>,
     /// Analyser angles in degrees.
@@ -115,7 +115,7 @@ fn sample(name: &str) -> Result<SampleKind, String> {
         .ok_or_else(|| format!("no such sample; choose one of {}", known.map(|k| k.name()).join(", ")))
 }
 
-/// Runs a command of the simulated bench.
+/// Runs the selected command.
 pub fn run(command: &Sim, console: &Console) -> Result<(), Failure> {
     match command {
         Sim::Render(args) => render(args, console),
@@ -152,10 +152,10 @@ fn render(args: &Render, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Captures a polarization session on a new bench into `folder`, with the truth and the bench beside it.
+/// Captures a polarization session on a new bench into `folder`, with ground truth and bench description.
 ///
 /// # Errors
-/// As a capture's.
+/// Those of a capture.
 pub fn simulate(
     config: &BenchConfig,
     angles_deg: &[f64],
@@ -201,7 +201,7 @@ pub fn simulate(
 }
 
 impl BenchOptions {
-    /// The bench with these options in place, checked.
+    /// Bench with these options applied, validated.
     pub fn apply(&self, mut bench: BenchConfig) -> Result<BenchConfig, Failure> {
         if let Some(kind) = self.sample {
             bench.sample.kind = kind;

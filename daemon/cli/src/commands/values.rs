@@ -1,28 +1,28 @@
-//! Values as the command line says them.
+//! Parsers of command-line values.
 
 use clap::ValueEnum;
 use nacre_frames::{Bayer, Channel, Transfer};
 use nacre_image::Palette;
 
-/// How pictures of maps are drawn.
+/// Options for pictures of maps.
 #[derive(Clone, Copy, clap::Args)]
 pub(in crate::commands) struct PictureArgs {
-    /// Colours of angles in pictures: cyclic (even steps, also for colour-blind readers) or hsv.
+    /// Colour scale of angles in pictures: cyclic (perceptually even, safe for colour-blind readers) or hsv.
     #[arg(long, default_value = "cyclic", value_name = "cyclic|hsv")]
     pub palette: Palette,
     #[command(flatten)]
     pub bar: BarArgs,
 }
 
-/// Whether pictures have a scale bar.
+/// Option for the scale bar in pictures.
 #[derive(Clone, Copy, clap::Args)]
 pub(in crate::commands) struct BarArgs {
-    /// Leave the scale bar out of pictures. They have one where the pixel size on the sample is known.
+    /// Omit the scale bar, which pictures with a known pixel size have.
     #[arg(long)]
     pub no_scale_bar: bool,
 }
 
-/// As many numbers as wanted, with commas.
+/// Parses exactly `N` comma-separated numbers.
 pub(in crate::commands) fn numbers<T: std::str::FromStr, const N: usize>(
     text: &str,
     wanted: &str,
@@ -31,7 +31,7 @@ pub(in crate::commands) fn numbers<T: std::str::FromStr, const N: usize>(
     all.ok().and_then(|all| all.try_into().ok()).ok_or_else(|| format!("give {wanted}"))
 }
 
-/// How values grow with light.
+/// Parses a transfer function.
 pub(super) fn transfer(text: &str) -> Result<Transfer, String> {
     match (text, text.strip_prefix("gamma=").map(str::parse)) {
         ("linear", _) => Ok(Transfer::Linear),
@@ -62,13 +62,13 @@ impl From<BayerName> for Bayer {
     }
 }
 
-/// A channel of a colour file.
+/// Channel of a colour file.
 #[derive(Clone, Copy, ValueEnum)]
 pub(super) enum ChannelName {
     R,
     G,
     B,
-    /// The mean of a colour polarization sensor's filters, or channel Y of an EXR file.
+    /// Mean of a colour polarization sensor's filters, or channel Y of an EXR file.
     Luminance,
 }
 

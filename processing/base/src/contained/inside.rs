@@ -1,4 +1,4 @@
-//! The process that does the work.
+//! Child process that performs contained work.
 
 use super::{Limits, Message, Order, Part};
 use crate::Error;
@@ -10,10 +10,10 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Exit code of a process that was asked for nothing it understands.
+/// Exit code of a process that received an invalid task.
 const MISUSED: u8 = 2;
 
-/// The way to the process that asked for the work.
+/// Connection to the parent process.
 pub struct Link {
     limits: Limits,
     cancelled: Arc<AtomicBool>,
@@ -31,7 +31,7 @@ impl Link {
     fn send(&self, message: &Message, bytes: &[u8]) {
         let Ok(line) = serde_json::to_string(message) else { return };
         let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
-        // Whoever no longer reads ends this process.
+        // If the parent no longer reads, this process is about to be killed anyway.
         let _ = writeln!(out, "{line}").and_then(|()| out.write_all(bytes)).and_then(|()| out.flush());
     }
 }
@@ -51,7 +51,7 @@ impl Progress for Link {
     fn step(&self) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         let steps = self.steps.load(Ordering::Relaxed).max(1);
-        // A message for each percent.
+        // One message per percent.
         let percent = |done: u64| done.saturating_mul(100) / steps;
         if percent(done) != percent(done - 1) {
             self.send(&Message::Steps(done), &[]);
@@ -71,7 +71,8 @@ impl Progress for Link {
     }
 }
 
-/// Serves one task on this process's standard streams: applies the limits that come with it, does it, and sends its result or error.
+/// Serves one task on standard input and output: applies the limits sent with it, performs it, and sends its result or
+/// error.
 pub fn serve(work: impl FnOnce(Value, &Link) -> Result<Part, Error>) -> ExitCode {
     let mut line = String::new();
     let read = io::stdin().lock().read_line(&mut line);
@@ -108,21 +109,21 @@ fn confine(_: &Order) -> io::Result<()> {
     Ok(())
 }
 
-/// Sets the limits, and ends with the process that started this one.
+/// Applies the limits, and ties the process's life to its parent's.
 #[cfg(target_os = "linux")]
 fn confine(order: &Order) -> io::Result<()> {
     use rustix::process::{Pid, Resource, Signal, getppid, nice, set_parent_process_death_signal};
     set_parent_process_death_signal(Some(Signal::KILL))?;
-    // It may have ended before.
+    // The parent may have ended before.
     if getppid().map(Pid::as_raw_pid) != i32::try_from(order.parent).ok() {
         return Err(io::Error::other("the process that asked for it has ended"));
     }
-    // Of all that takes memory here this is the first to go. Without /proc it is as the others.
+    // Makes this process the kernel's first choice when memory runs out. Without /proc, it has normal priority.
     let _ = std::fs::write("/proc/self/oom_score_adj", "700");
     if order.limits.background {
         let _ = nice(10);
     }
-    // The image of a process with gigabytes of photographs would fill the disk.
+    // A core dump with gigabytes of photographs would fill the disk.
     limit(Resource::Core, 0)?;
     if let Some(bytes) = order.limits.memory {
         limit(Resource::Data, bytes)?;
@@ -130,7 +131,7 @@ fn confine(order: &Order) -> io::Result<()> {
     order.limits.processor_s.map_or(Ok(()), |seconds| limit(Resource::Cpu, seconds))
 }
 
-/// Lowers a limit.
+/// Lowers a resource limit.
 #[cfg(target_os = "linux")]
 fn limit(resource: rustix::process::Resource, most: u64) -> io::Result<()> {
     use rustix::process::{Rlimit, getrlimit, setrlimit};

@@ -1,13 +1,13 @@
-//! Work in a process of its own, so that whatever happens to it (no memory, an abort in a decoder, a stack overflow, a signal) is an error
-//! for the process that asked for it.
+//! Work in a separate process, so that any failure (out of memory, an abort in a decoder, a stack overflow, a signal)
+//! is an error for the parent process.
 //!
-//! The program registers itself at its start ([`register`]) and serves tasks in its hidden command ([`serve`]). [`run`] starts that
-//! command, writes the limits and the task to its standard input, and reads `Message`s from its standard output: JSON lines, each of
-//! which may be followed by bytes. Standard input stays open: when it closes, the work is to stop.
+//! A program registers itself at its start ([`register`]) and serves tasks in its hidden command ([`serve`]). [`run`]
+//! starts that command and writes the limits and the task to its standard input. It reads `Message`s from its standard
+//! output: JSON lines, optionally followed by bytes. Standard input stays open; closing it is the request to stop.
 //!
-//! On Linux the process has a limit on its data (`RLIMIT_DATA`: heap, stacks of threads and private mappings, not the mappings of graphics
-//! drivers and of files), may have one on its processor time, is killed by the kernel before others when memory runs out, leaves the
-//! processor to others, and ends with the thread that started it. Elsewhere there are no limits.
+//! On Linux, the process has a limit on its data (`RLIMIT_DATA`: heap, thread stacks and private mappings, but not
+//! mappings of graphics drivers and files) and, optionally, on processor time. The kernel kills it first when memory
+//! runs out. It runs at low priority and ends with the thread that started it. Other systems have no limits.
 
 mod inside;
 mod owner;
@@ -25,21 +25,21 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Duration;
 
-/// The hidden command of the program that calls [`serve`].
+/// Hidden command of the program, which calls [`serve`].
 pub const COMMAND: &str = "job";
 
 static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
 
-/// Lets this process start itself for contained work. For programs whose command [`COMMAND`] calls [`serve`].
+/// Registers this executable for contained work. For programs whose command [`COMMAND`] calls [`serve`].
 pub fn register() {
-    // The link stays valid when the program's file is replaced.
+    // The link stays valid if the program's file is replaced.
     let own = if cfg!(target_os = "linux") { Ok("/proc/self/exe".into()) } else { std::env::current_exe() };
     if let Ok(own) = own {
         let _ = PROGRAM.set(own);
     }
 }
 
-/// Whether [`run`] can start a process.
+/// True if [`run`] can start a process.
 pub fn registered() -> bool {
     PROGRAM.get().is_some()
 }
@@ -47,15 +47,15 @@ pub fn registered() -> bool {
 /// Limits of contained work.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Limits {
-    /// Most bytes of its data; no limit where none is given.
+    /// Maximum data in bytes; `None` for no limit.
     pub memory: Option<u64>,
-    /// Most processor time of all its threads in s; no limit where none is given. A busy machine does not shorten it.
+    /// Maximum processor time of all its threads in s; `None` for no limit. Independent of other load on the machine.
     pub processor_s: Option<u64>,
-    /// Whether others (a capture) have precedence on the processor.
+    /// True if other work, such as a capture, has precedence on the processor.
     pub background: bool,
 }
 
-/// A value with the bytes that go with it.
+/// A value with bulk data.
 #[derive(Debug, Default, PartialEq)]
 pub struct Part {
     /// Description, as JSON.
@@ -64,31 +64,31 @@ pub struct Part {
     pub bytes: Vec<u8>,
 }
 
-/// Why there is no result.
+/// Reason why there is no result.
 #[derive(Debug)]
 pub enum Ended {
-    /// The work's own answer.
+    /// Error of the work itself.
     Error(Error),
     /// The process died.
     Died(Death),
 }
 
-/// How a process died.
+/// Cause of a process's death.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Death {
-    /// It asked for more than its limit, in bytes.
+    /// Memory limit in bytes exceeded.
     Memory(Option<u64>),
-    /// It took more processor time than its limit, in s.
+    /// Limit of processor time in s exceeded.
     Time(u64),
-    /// Another process, or the kernel for lack of memory, killed it.
+    /// Killed by another process, or by the kernel for lack of memory.
     Killed,
-    /// It crashed; the words are its last ones.
+    /// Crashed; the text is the end of its standard error.
     Crashed(String),
-    /// It could not be started, for this reason.
+    /// Could not be started, with the reason.
     NotStarted(String),
 }
 
-/// A clause with the process as its subject.
+/// Formats a clause with the process as its subject.
 impl fmt::Display for Death {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -104,11 +104,11 @@ impl fmt::Display for Death {
     }
 }
 
-/// First line to the process.
+/// First line sent to the process.
 #[derive(Serialize, Deserialize)]
 struct Order {
     limits: Limits,
-    /// Process that started it.
+    /// Process id of the parent.
     parent: u32,
     task: Value,
 }
@@ -117,21 +117,21 @@ struct Order {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Message {
-    /// What the work needs.
+    /// Predicted work.
     Expected(Work),
-    /// A stage with so many steps begins.
+    /// Start of a stage with this number of steps.
     Stage { name: String, steps: u64 },
-    /// So many steps of the stage are done.
+    /// Number of completed steps of the stage.
     Steps(u64),
-    /// An intermediate result, followed by so many bytes.
+    /// An intermediate result, followed by this number of bytes.
     Shown { value: Value, bytes: usize },
-    /// The result, followed by so many bytes. The process ends.
+    /// The result, followed by this number of bytes; the process then ends.
     Done { value: Value, bytes: usize },
-    /// An error instead. The process ends.
+    /// An error; the process then ends.
     Failed(Told),
 }
 
-/// An [`Error`] on its way.
+/// Serialised form of an [`Error`].
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Told {
@@ -164,7 +164,7 @@ impl From<Told> for Error {
     }
 }
 
-/// After a wish to stop, or the end of its messages, a process has this long before it is killed.
+/// Time between a request to stop, or the end of messages, and killing the process.
 const GRACE: Duration = Duration::from_secs(2);
 
 #[cfg(test)]

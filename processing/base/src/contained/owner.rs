@@ -1,4 +1,4 @@
-//! The process that asks for the work.
+//! Parent process that requests contained work.
 
 use super::{COMMAND, Death, Ended, GRACE, Limits, Message, Order, PROGRAM, Part};
 use crate::Error;
@@ -12,43 +12,45 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// A wish to stop is looked for this often.
+/// Polling interval for requests to stop.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Messages on their way; a process that sends faster waits.
+/// Capacity of the message queue; a faster process waits.
 const MESSAGES: usize = 16;
 
-/// Last lines of standard error that are kept, and the longest part of one.
+/// Number of lines kept from the end of standard error, and maximum length of a line.
 const LINES: usize = 8;
 const LINE_BYTES: u64 = 1000;
 
-/// Most bytes after a message: the largest photograph (64 Mpixel, three channels of 32 bits).
+/// Maximum number of bytes after a message: the largest photograph (64 Mpixel, three channels of 32 bits).
 const MOST_BYTES: usize = 1 << 30;
 
-/// Signals by their numbers, which Linux, macOS and the BSDs share.
+/// Signal numbers common to Linux, macOS and the BSDs.
 const SIGKILL: i32 = 9;
 const SIGXCPU: i32 = 24;
 
-/// Does a task in a process of its own; returns when it has ended. Intermediate results go to `shown`, with progress in between.
+/// Performs a task in a separate process; returns when it has ended. Intermediate results go to `shown`, with progress
+/// in between.
 ///
 /// # Errors
-/// [`Ended::Error`] with the error of the work, `Cancelled` among them; [`Ended::Died`] when the process ended without a word.
+/// [`Ended::Error`] with the error of the work, including `Cancelled`; [`Ended::Died`] if the process ended without a
+/// message.
 pub fn run(task: Value, limits: Limits, progress: &dyn Progress, shown: &mut dyn FnMut(Part)) -> Result<Part, Ended> {
     let not_started = |error: io::Error| Ended::Died(Death::NotStarted(error.to_string()));
-    // What the work keeps on disk meanwhile goes with it, however it ends.
+    // Temporary files of the work are removed with this folder, however the process ends.
     let scratch = tempfile::Builder::new().prefix("nacre-job-").tempdir().map_err(not_started)?;
     let mut process = Process::start(task, limits, scratch.path()).map_err(not_started)?;
     let (mut steps, mut asked) = (0_u64, None::<Instant>);
     let answer = loop {
         if asked.is_none() && progress.cancelled() {
-            // Its standard input closes.
+            // Closing standard input requests the stop.
             (process.child.stdin, asked) = (None, Some(Instant::now()));
         }
         if asked.is_some_and(|since| since.elapsed() > GRACE) {
             break None;
         }
         match process.messages.recv_timeout(LOOK) {
-            // Who only wanted to know stops the process by `cancelled`.
+            // A caller that only wants the estimate stops the process by `cancelled`.
             Ok((Message::Expected(work), _)) => drop(progress.expect(&work)),
             Ok((Message::Stage { name, steps: of }, _)) => {
                 steps = 0;
@@ -68,17 +70,17 @@ pub fn run(task: Value, limits: Limits, progress: &dyn Progress, shown: &mut dyn
     let (status, words) = process.end(answer.is_none() && asked.is_none());
     match answer {
         Some(answer) => answer,
-        // However it ended, nobody waits for it.
+        // The caller no longer waits, however the process ended.
         None if asked.is_some() => Err(Ended::Error(Error::Cancelled)),
         None => Err(Ended::Died(death(status, &words, limits))),
     }
 }
 
-/// How a process died, from its exit status and its last words.
+/// Derives the cause of death from exit status and last lines of standard error.
 fn death(status: Option<ExitStatus>, words: &VecDeque<String>, limits: Limits) -> Death {
     let said = |phrase: &str| words.iter().find(|line| line.contains(phrase));
     let signal = status.and_then(|status| status.signal());
-    // The words of Rust's allocator, of its panics and of a thread that was refused its stack.
+    // Messages of Rust's allocator, of its panics, and of a thread that could not allocate its stack.
     if said("memory allocation of").is_some() || said("Cannot allocate memory").is_some() {
         return Death::Memory(limits.memory);
     }
@@ -113,12 +115,12 @@ impl Process {
             .arg0("nacre")
             .arg(COMMAND)
             .env("TMPDIR", scratch)
-            // A backtrace would push the message of a panic out of the last lines.
+            // A backtrace would push a panic's message out of the last lines.
             .env("RUST_BACKTRACE", "0")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
-            // Ctrl-C is for the process that asked, which then stops this one.
+            // Ctrl-C reaches the parent only, which then stops this process.
             .process_group(0)
             .spawn()?;
         let (Some(stdout), Some(stderr)) = (child.stdout.take(), child.stderr.take()) else {
@@ -127,12 +129,12 @@ impl Process {
         let (tell, messages) = mpsc::sync_channel(MESSAGES);
         let reader = std::thread::spawn(move || read(BufReader::new(stdout), &tell));
         let words = std::thread::spawn(move || last_lines(BufReader::new(stderr)));
-        // A process that has died already says why on its standard error.
+        // If the process has already died, its standard error gives the reason.
         let _ = child.stdin.as_mut().map(|stdin| stdin.write_all(format!("{order}\n").as_bytes()));
         Ok(Self { child, messages, reader, words })
     }
 
-    /// Waits for the end of the process, which is killed after a grace, or at once unless it may still be about to end.
+    /// Waits for the process to end and kills it: after a grace period if `patiently`, otherwise at once.
     fn end(mut self, patiently: bool) -> (Option<ExitStatus>, VecDeque<String>) {
         let begun = Instant::now();
         while patiently && begun.elapsed() < GRACE && matches!(self.child.try_wait(), Ok(None)) {
@@ -145,7 +147,7 @@ impl Process {
         (status, self.words.join().unwrap_or_default())
     }
 
-    /// Kills the process with its group.
+    /// Kills the process and its process group.
     fn kill(&mut self) {
         #[cfg(target_os = "linux")]
         if let (Ok(None), Some(group)) =
@@ -157,7 +159,7 @@ impl Process {
     }
 }
 
-/// Reads messages until the stream ends or nobody wants them.
+/// Reads messages until the stream ends or the receiver is gone.
 fn read(mut from: impl BufRead, tell: &SyncSender<(Message, Vec<u8>)>) {
     let mut line = String::new();
     while from.read_line(&mut line).is_ok_and(|n| n > 0) {
@@ -176,7 +178,7 @@ fn read(mut from: impl BufRead, tell: &SyncSender<(Message, Vec<u8>)>) {
     }
 }
 
-/// The last lines of a stream, once it has ended.
+/// The last lines of a stream, read to its end.
 fn last_lines(mut from: impl BufRead) -> VecDeque<String> {
     let mut lines = VecDeque::new();
     let mut line = vec![];

@@ -1,10 +1,10 @@
-//! Options by their schema.
+//! Options derived from their schema.
 
 use super::*;
 use schemars::JsonSchema;
 use serde_json::json;
 
-/// Ways of adding up.
+/// Methods of summation.
 #[derive(JsonSchema)]
 #[schemars(rename_all = "snake_case")]
 #[allow(dead_code)]

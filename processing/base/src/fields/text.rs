@@ -1,9 +1,9 @@
-//! Values of options from texts.
+//! Parsing of option values from text.
 
 use super::{BARE, LIST, NAMELESS, SHORT, is_set};
 use serde_json::{Map, Value};
 
-/// Words of a schema of nothing but words.
+/// Words of a schema that accepts only words.
 pub(super) fn words(schema: &Map<String, Value>) -> Option<Vec<String>> {
     if let Some(word) = schema.get("const") {
         return Some(vec![word.as_str()?.to_owned()]);
@@ -16,7 +16,7 @@ pub(super) fn words(schema: &Map<String, Value>) -> Option<Vec<String>> {
     Some(each.collect::<Option<Vec<_>>>()?.concat())
 }
 
-/// Value of a schema that a text means.
+/// Parses a text according to a schema.
 pub(super) fn read(schema: &Map<String, Value>, text: &str) -> Option<Value> {
     if let Some(words) = words(schema) {
         let same = |word: &&String| word.replace('_', "-") == text.replace('_', "-");
@@ -43,12 +43,12 @@ pub(super) fn read(schema: &Map<String, Value>, text: &str) -> Option<Value> {
     }
 }
 
-/// Parts of a list.
+/// Splits a list.
 fn parts(text: &str) -> Vec<&str> {
     text.split([',', ':', ';', 'x', '×']).map(str::trim).collect()
 }
 
-/// A structure whose values are given in the order of its keys.
+/// Parses a structure whose values are listed in the order of its keys.
 fn listed(schema: &Map<String, Value>, text: &str) -> Option<Value> {
     let (properties, parts) = (schema.get("properties")?.as_object()?, parts(text));
     if parts.len() != properties.len() {
@@ -59,7 +59,7 @@ fn listed(schema: &Map<String, Value>, text: &str) -> Option<Value> {
     each.collect::<Option<Map<_, _>>>().map(Value::Object)
 }
 
-/// A list, and lists in it, from the next parts.
+/// Builds a list, and lists nested in it, from the next parts.
 fn filled<'a>(schema: &Map<String, Value>, parts: &mut impl ExactSizeIterator<Item = &'a str>) -> Option<Value> {
     if schema.get("type").and_then(Value::as_str) != Some("array") {
         return read(schema, parts.next()?);
@@ -75,7 +75,7 @@ fn filled<'a>(schema: &Map<String, Value>, parts: &mut impl ExactSizeIterator<It
     (0..count).map(next).collect::<Option<Vec<_>>>().map(Value::from)
 }
 
-/// A variant with a value: `name=value`, or its name for the usual value.
+/// Parses a variant with a value: `name=value`, or its name alone for the default value.
 fn named(schema: &Map<String, Value>, text: &str) -> Option<Value> {
     let (key, inner) = schema.get("properties")?.as_object()?.iter().next()?;
     if is_set(schema, NAMELESS)

@@ -1,10 +1,10 @@
-//! Exposures taken by hand: how far they are shifted, and how they are laid over each other again.
+//! Registration of hand-held exposures: shifts, and resampling with these shifts.
 
 use super::coding::{Coding, Entry, SATURATED};
 use super::merge::{Exposed, Sums, entries};
 use nacre_image::registration::{Alignment, Registrar, Resampler};
 
-/// Shifts of exposures as they are taken in.
+/// Shifts of exposures, added one at a time.
 pub(super) struct Aligner {
     registrar: Registrar,
     width: usize,
@@ -15,8 +15,8 @@ impl Aligner {
         Self { registrar: Registrar::new(width, height), width }
     }
 
-    /// Takes in the next exposure. The logarithm of light is compared: what is bright in one place of a bracket would drown
-    /// everything else.
+    /// Adds the next exposure. Registration uses the logarithm of light, because otherwise the brightest parts of a
+    /// bracket would dominate.
     pub(super) fn add(&mut self, coding: &Coding, exposed: &Exposed, channels: &[usize]) {
         let (entry, scatter) = (entries(coding, exposed, channels), coding.scatter(exposed.frame));
         self.registrar.add(|y, left, values, bad| {
@@ -31,13 +31,13 @@ impl Aligner {
         });
     }
 
-    /// What the shifts are.
+    /// Computes the shifts.
     pub(super) fn shifts(&self) -> Alignment {
         self.registrar.still().into()
     }
 }
 
-/// Adds an exposure that lies shifted by so many pixels.
+/// Adds an exposure displaced by `shift` pixels.
 pub(super) fn add_moved(sums: &mut Sums, coding: &Coding, exposed: &Exposed, channels: &[usize], shift: [f64; 2]) {
     let (width, height, n) = (exposed.raster.width, exposed.raster.height, channels.len());
     let entry = entries(coding, exposed, channels);
@@ -58,7 +58,7 @@ pub(super) fn add_moved(sums: &mut Sums, coding: &Coding, exposed: &Exposed, cha
             back.row(y, row, &mut line, &mut bad);
             for x in 0..width {
                 if bad[x] == 0 {
-                    // Rounding as of the pixel that lies nearest.
+                    // Rounding variance of the nearest pixel.
                     let from = (nearest(y, shift[1], height) * width + nearest(x, shift[0], width)) * n + c;
                     moved[(y * width + x) * n + c] = [line[x], entry(from)[1]];
                 }

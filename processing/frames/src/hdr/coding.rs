@@ -1,40 +1,39 @@
-//! How the values of one set's files become light, and what each value is worth.
+//! Conversion of a set's file values to light, and their variances.
 
 use super::response::Response;
 use crate::{ASSUMED, BELOW_WHITE_SIGMA, NoiseModel};
 use crate::{Frame, LoadedFrames, Transfer};
 use nacre_image::Depth;
 
-/// From values to light.
+/// Response curve.
 #[derive(Clone, Debug)]
 pub(super) enum Curve {
     /// As `frames.json` states.
     Stated(Transfer),
-    /// Measured.
+    /// Measured response.
     Measured(Response),
 }
 
-/// A set's coding.
+/// Coding of a set.
 pub(super) struct Coding {
     pub curve: Curve,
     black: f64,
     white: f64,
     depth: Depth,
     noise: NoiseModel,
-    /// What the noise model's variances are multiplied by: those of an assumed camera are calibrated.
+    /// Factor on the noise model's variances, which calibrates an assumed camera.
     pub noise_factor: f64,
     /// `1/(exposure · gain)` of the shortest exposure.
     shortest: f64,
 }
 
-/// Light of one value per exposure and gain, and the variance that rounding to codes gives it, which is infinite for a saturated
-/// value.
+/// Light of a value per exposure and gain, and its rounding variance, which is infinite for saturated values.
 pub(super) type Entry = [f32; 2];
 
-/// No light known.
+/// Entry of a saturated value.
 pub(super) const SATURATED: Entry = [0.0, f32::INFINITY];
 
-/// How an exposure's light scatters: variance = `shot · light + floor`, besides rounding.
+/// Noise of an exposure's light: variance = `shot · light + floor`, excluding rounding.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scatter {
     pub shot: f32,
@@ -42,29 +41,29 @@ pub(super) struct Scatter {
 }
 
 impl Scatter {
-    /// Scatter of so many times the variance.
+    /// Noise with scaled variance.
     pub(super) fn times(self, factor: f32) -> Self {
         Self { shot: self.shot * factor, floor: (self.floor * factor).max(f32::MIN_POSITIVE) }
     }
 
-    /// Variance that a dark photograph of the same exposure, which was subtracted, brings along: its own, and that of the light it shows
-    /// in the exposure itself.
+    /// Variance added by subtraction of a dark photograph of the same exposure: its own variance, and shot noise of the
+    /// dark light in the exposure itself.
     #[inline(always)]
     pub(super) fn of_dark(self, dark: f32) -> f32 {
         2.0 * self.shot * dark.max(0.0) + self.floor
     }
 
-    /// Inverse variance of a value where the light is what Σ weight · light and Σ weight so far say, or else the value itself. That is
-    /// [`Self::weight`] with one division in place of two.
+    /// Inverse variance of a value at the light estimated so far (Σ weight · light, Σ weight), or at the value itself
+    /// if there is none. Equals [`Self::weight`] with one division instead of two.
     #[inline(always)]
     pub(super) fn weight_after(self, [product, weight]: [f32; 2], [light, rounding]: Entry) -> f32 {
         let (light, over) = if weight > 0.0 { (product, weight) } else { (light, 1.0) };
-        // Not `max`, which takes care of NaN and so is more than one vector instruction.
+        // Not `max`, whose NaN handling takes more than one vector instruction.
         let light = if light > 0.0 { light } else { 0.0 };
         over / (self.shot * light + (self.floor + rounding) * over)
     }
 
-    /// Inverse variance of a value where there is so much light.
+    /// Inverse variance of a value at an expected light.
     #[inline(always)]
     pub(super) fn weight(self, light: f32, rounding: f32) -> f32 {
         1.0 / (self.shot * light.max(0.0) + self.floor + rounding)
@@ -85,7 +84,7 @@ impl Coding {
         }
     }
 
-    /// Number of codes; none for floating point.
+    /// Number of codes; `None` for floating-point files.
     pub(super) fn codes(&self) -> Option<usize> {
         match self.depth {
             Depth::U8 => Some(1 << 8),
@@ -99,7 +98,7 @@ impl Coding {
         self.white
     }
 
-    /// Where a value lies between black (0) and white (1).
+    /// Position of a value between black (0) and white (1).
     pub(super) fn position(&self, value: f64) -> f64 {
         (value - self.black) / (self.white - self.black)
     }
@@ -112,7 +111,7 @@ impl Coding {
         }
     }
 
-    /// Width of a code in light; 0 for floating point.
+    /// Quantisation step in light; 0 for floating-point files.
     fn step(&self, channel: usize, value: f64) -> f64 {
         if self.codes().is_none() {
             return 0.0;
@@ -120,7 +119,7 @@ impl Coding {
         0.5 * (self.light(channel, value + 1.0) - self.light(channel, value - 1.0))
     }
 
-    /// Whether a value of this exposure is too near to white. The shortest exposure may reach up to it.
+    /// True if a value of this exposure is too close to white. The shortest exposure is used up to white itself.
     fn saturated(&self, channel: usize, frame: &Frame, value: f64) -> bool {
         if value >= self.white {
             return true;
@@ -135,14 +134,14 @@ impl Coding {
         self.light(channel, value) > top - BELOW_WHITE_SIGMA * variance.sqrt()
     }
 
-    /// How the light of this exposure scatters.
+    /// Noise of this exposure's light.
     pub(super) fn scatter(&self, frame: &Frame) -> Scatter {
         let noise = self.noise.frame(frame.gain.unwrap_or(1.0), frame.scale(), 0.0);
         let [shot, floor] = [noise.shot, noise.floor].map(|v| (self.noise_factor * v) as f32);
         Scatter { shot, floor: floor.max(f32::MIN_POSITIVE) }
     }
 
-    /// Light of a value of this exposure.
+    /// Light and rounding variance of a value of this exposure.
     pub(super) fn entry(&self, channel: usize, frame: &Frame, value: f64) -> Entry {
         let light = self.light(channel, value) * frame.scale();
         if !light.is_finite() || self.saturated(channel, frame, value) {
@@ -152,7 +151,7 @@ impl Coding {
         [light as f32, (step * step / 12.0) as f32]
     }
 
-    /// [`Self::entry`] of every code.
+    /// [`Self::entry`] for all codes.
     pub(super) fn table(&self, channel: usize, frame: &Frame) -> Vec<Entry> {
         (0..self.codes().unwrap_or(0)).map(|code| self.entry(channel, frame, code as f64)).collect()
     }

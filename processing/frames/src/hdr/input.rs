@@ -1,4 +1,4 @@
-//! What is merged: a `frames.json`, or a folder of photographs whose times are in their tags.
+//! Input of a merge: a `frames.json`, or a folder of photographs with exposure times in their tags.
 
 use crate::{FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, exposures, load};
 use nacre_base::estimate::Work;
@@ -7,28 +7,28 @@ use nacre_image::budget;
 use nacre_image::{Depth, Info, details, photographs};
 use std::path::Path;
 
-/// Exposures that are decoded and merged at a time.
+/// Number of exposures decoded and merged together.
 pub(super) const BATCH: usize = 4;
 
-/// Decoded exposures up to so many bytes are kept for when they are needed again.
+/// Maximum memory in bytes of decoded exposures kept for reuse.
 pub(super) const KEPT: usize = 256 << 20;
 
-/// Whether there is something to merge, without a look at any pixel.
+/// Validates the input without reading pixels, and predicts the work.
 ///
 /// # Errors
-/// As [`reconstruct`](super::reconstruct) for what is no bracket.
+/// As [`reconstruct`](super::reconstruct) for inputs that are no bracket.
 pub(super) fn check_input(input: &Path, white: Option<f64>) -> Result<Work> {
     bracket(input, white).map(|frames| work(&frames))
 }
 
-/// What merging needs.
+/// Predicted work of a merge.
 pub(super) fn work(frames: &LoadedFrames) -> Work {
     let LoadedFrames { set, info, .. } = frames;
     let channels = if set.channel.is_some() { 1 } else { info.channels };
     Work { memory_bytes: needed(frames), ..work_of(Info { channels, ..*info }, set.frames.len()) }
 }
 
-/// What merging so many photographs without dark ones needs.
+/// Predicted work of a merge without dark photographs.
 pub fn work_of(info: Info, photographs: usize) -> Work {
     let samples = info.width * info.height * info.channels;
     let seconds = 0.08 + 1e-6 * samples as f64 * (0.1 + 0.05 * photographs as f64);
@@ -37,10 +37,10 @@ pub fn work_of(info: Info, photographs: usize) -> Work {
     Work { operation: "hdr".into(), seconds, memory_bytes, disk_bytes: 13 * samples as u64, ..Work::default() }
 }
 
-/// Reads and checks what is to be merged. `white` replaces that of the photographs and their description.
+/// Reads and validates the bracket. `white` overrides that of the photographs and of their description.
 ///
 /// # Errors
-/// `Input` if the photographs are not one view in several exposures, or if `white` is not above black.
+/// `Input` unless the photographs show one view in several exposures, and unless `white` is above black.
 pub(super) fn bracket(input: &Path, white: Option<f64>) -> Result<LoadedFrames> {
     let bare = input.is_dir() && !input.join(FILE_NAME).exists();
     let mut frames = if bare { tagged(input)? } else { load(input)? };
@@ -67,25 +67,26 @@ pub(super) fn bracket(input: &Path, white: Option<f64>) -> Result<LoadedFrames> 
     Ok(frames)
 }
 
-/// Most bytes that merging takes at a time: sums, a photograph that is moved back, a batch of decoded photographs and those that are
-/// kept, with their dark photographs.
+/// Peak memory of a merge in bytes: sums, a resampled photograph, a batch of decoded photographs, and kept photographs
+/// with their dark photographs.
 fn needed(frames: &LoadedFrames) -> u64 {
     let LoadedFrames { set, info, .. } = frames;
     let channels = if set.channel.is_some() { 1 } else { info.channels };
     let floats = 4 * (info.width * info.height * channels) as u64;
     let dark = set.dark.is_some() || set.frames.iter().any(|f| f.dark.is_some());
-    // Sums and what is moved are two floats each; a dark photograph is kept, and scaled for each photograph of a batch.
+    // Sums and a resampled exposure have two floats each. A dark photograph is kept, and scaled for each photograph of
+    // a batch.
     let planes = 4 + if dark { 1 + BATCH as u64 } else { 0 } + u64::from(set.flat.is_some());
     planes * floats + BATCH as u64 * budget::decoded(*info) + kept(*info, set.frames.len())
 }
 
-/// Most bytes of the photographs that are kept, and of the overview after them.
+/// Peak memory in bytes of kept photographs and of the preview computed from them.
 fn kept(info: Info, photographs: usize) -> u64 {
     let each = info.width * info.height * info.channels * info.depth.bytes();
     each.saturating_mul(photographs).min(KEPT) as u64 + budget::overview((info.width * info.height) as u64)
 }
 
-/// A folder without a `frames.json`, whose photographs say their exposure times.
+/// A folder without `frames.json`, with exposure times from the photographs' tags.
 fn tagged(folder: &Path) -> Result<LoadedFrames> {
     let mut frames = vec![];
     let files = photographs(folder)?;
@@ -99,7 +100,7 @@ fn tagged(folder: &Path) -> Result<LoadedFrames> {
         };
         frames.push(Frame { exposure_s: Some(seconds), gain: tags.gain, ..Frame::new(file) });
     }
-    // Cameras bend the curve that eight bits are said to have.
+    // Cameras apply a tone curve to 8-bit files, whatever transfer function these state.
     let first = details(&folder.join(&frames[0].file))?;
     let stated = first.encoding.and_then(|encoding| Transfer::of(encoding.curve)).unwrap_or(Transfer::Linear);
     let transfer = if first.info.depth == Depth::U8 { Transfer::Recover } else { stated };

@@ -1,4 +1,4 @@
-//! Merging of photographs that are in memory already.
+//! Merge of photographs in memory.
 
 use super::coding::{Coding, Curve};
 use super::merge::{Exposed, Sums};
@@ -10,16 +10,16 @@ use std::path::Path;
 /// Merged light.
 #[derive(Clone, Debug)]
 pub struct Merged {
-    /// `width · height · channels` samples as in a [`Raster`]: linear value per exposure and gain, and its variance; NaN where every
-    /// exposure is saturated.
+    /// `width · height · channels` samples as in a [`Raster`]: linear value per exposure and gain, and its variance;
+    /// NaN where all exposures are saturated.
     pub samples: Vec<[f32; 2]>,
 }
 
-/// Merges all channels of photographs whose curve is known; `rasters` are those of the set's frames, in their order. Dark
-/// photographs, a flat one and alignment are for [`reconstruct`](super::reconstruct).
+/// Merges all channels of photographs with a known response; `rasters` are those of the set's frames, in order. Dark
+/// and flat photographs and registration require [`reconstruct`](super::reconstruct).
 ///
 /// # Errors
-/// `Input` for a set that makes no sense, or rasters that do not belong together.
+/// `Input` for an invalid set, and for rasters that do not match it.
 pub fn merge(set: FrameSet, rasters: Vec<Raster>) -> Result<Merged> {
     let bad =
         |problem: &str| Error::input("photographs", problem, "give one raster per frame, all of one size and depth");

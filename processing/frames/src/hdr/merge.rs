@@ -1,7 +1,8 @@
-//! Sums over exposures: the inner loops.
+//! Weighted sums over exposures: the inner loops.
 //!
-//! Weights are inverse variances, which depend on the light. Taken from each value itself they would favour values that came out
-//! low; so they are taken from the light as the exposures before have it, beginning with the longest, which knows it best.
+//! Weights are inverse variances, which depend on the light. Weights computed from each value itself would bias the
+//! mean towards low values. Instead, they use the mean of the previous exposures, starting with the longest, which is
+//! the most accurate.
 
 use super::coding::{Coding, Entry, Scatter};
 use crate::Frame;
@@ -9,41 +10,42 @@ use nacre_image::{Raster, Samples};
 use pulp::Arch;
 use rayon::prelude::*;
 
-/// Samples that a thread works on at a time: they and the files' values fit into its cache.
+/// Samples per task: with the files' values, they fit into the cache of a thread.
 const RUN: usize = 1 << 12;
 
-/// Samples of a page of memory, 4 KiB.
+/// Sums per page of memory, 4 KiB.
 const PAGE: usize = 4096 / size_of::<Sum>();
 
 /// Σ weight · light and Σ weight of every sample (pixel and channel).
 pub(super) struct Sums {
-    /// Channels of the files that are merged.
+    /// Merged channels of the files.
     channels: Vec<usize>,
     sums: Vec<Sum>,
 }
 
-/// Of one sample.
+/// Sums of one sample.
 type Sum = [f32; 2];
 
 /// One decoded exposure.
 pub(super) struct Exposed<'a> {
     pub frame: &'a Frame,
     pub raster: Raster,
-    /// What the camera shows without light, in light per exposure and gain, of every sample; empty for none.
+    /// Dark signal of every sample, as light per exposure and gain; empty if none is subtracted.
     pub dark: Vec<f32>,
 }
 
 impl Sums {
-    /// Nothing yet.
+    /// Empty sums.
     pub(super) fn new(pixels: usize, channels: &[usize]) -> Self {
         let mut sums = vec![[0.0; 2]; pixels * channels.len()];
-        // The system hands memory over page by page as it is first written to. Several threads that do so at once wait for each other:
-        // on two cores the example `merge` took 1.2 to 1.7 s of CPU time without this, and takes 0.35 to 0.5 s.
+        // The system allocates pages when they are first written; several threads doing so at once wait for each other.
+        // On two cores, the example `merge` took 1.2 to 1.7 s of CPU time without this line, and takes 0.35 to 0.5 s
+        // with it.
         sums.iter_mut().step_by(PAGE).for_each(|sum| *std::hint::black_box(sum) = [0.0; 2]);
         Self { channels: channels.to_vec(), sums }
     }
 
-    /// Adds exposures, longest first. All in one go, so that the sums pass through memory once.
+    /// Adds exposures, longest first, in a single pass over the sums.
     pub(super) fn add(&mut self, coding: &Coding, exposures: &[Exposed]) {
         if exposures.iter().all(|e| e.dark.is_empty()) {
             match exposures.first().map(|e| &e.raster.samples) {
@@ -58,7 +60,7 @@ impl Sums {
         }
     }
 
-    /// Adds what is known of every sample.
+    /// Adds one entry per sample.
     pub(super) fn add_entries(&mut self, scatter: Scatter, entry: impl Fn(usize) -> Entry + Sync) {
         self.sums.par_iter_mut().enumerate().with_min_len(RUN).for_each(|(i, sum)| plus(sum, entry(i), scatter));
     }
@@ -75,7 +77,8 @@ impl Sums {
         let values: Vec<&[T]> = exposures.iter().filter_map(|e| T::of(&e.raster.samples)).collect();
         let stored = exposures.first().map_or(1, |e| e.raster.channels);
         let (channels, run) = (self.channels.as_slice(), RUN * self.channels.len());
-        // Small tables stay in the cache together, so that sums pass through registers once; large ones are taken one by one.
+        // Small tables fit into the cache together, so that sums stay in registers; large ones are processed one at a
+        // time.
         let together = if CODES <= 256 { exposures.len() } else { 1 };
         self.sums.par_chunks_mut(run).enumerate().for_each(|(k, sums)| {
             let pixels = sums.len() / channels.len();
@@ -90,7 +93,7 @@ impl Sums {
         });
     }
 
-    /// Evens out illumination: divides by this light relative to its mean. False where that is black.
+    /// Flat-field correction: divides by this light relative to its mean. Returns false if the flat is black.
     pub(super) fn divide(&mut self, flat: &[f32]) -> bool {
         let mean = flat.iter().map(|v| f64::from(*v)).sum::<f64>() / flat.len().max(1) as f64;
         if mean <= 0.0 {
@@ -105,13 +108,13 @@ impl Sums {
         true
     }
 
-    /// Light and its variance at a pixel; none where every exposure is saturated.
+    /// Light and its variance at a pixel; `None` where all exposures are saturated.
     pub(super) fn at(&self, pixel: usize, channel: usize) -> Option<[f32; 2]> {
         let [light, weight] = self.sums[pixel * self.channels.len() + channel];
         (weight > 0.0).then(|| [light / weight, 1.0 / weight])
     }
 
-    /// Light and its variance of every sample; NaN where every exposure is saturated. In place: nothing is allocated.
+    /// Light and its variance of all samples, in place; NaN where all exposures are saturated.
     pub(super) fn solved(self) -> Vec<[f32; 2]> {
         let mut sums = self.sums;
         sums.par_chunks_mut(RUN).for_each(|run| {
@@ -134,7 +137,7 @@ impl Sums {
     }
 }
 
-/// What each sample of an exposure contributes, by its position in the sums.
+/// Contribution of each sample of an exposure, by its index in the sums.
 pub(super) fn entries<'a>(
     coding: &'a Coding,
     exposure: &'a Exposed,
@@ -161,18 +164,17 @@ fn plus(sum: &mut Sum, [light, rounding]: Entry, scatter: Scatter) {
     sum[1] += weight;
 }
 
-/// Samples that are worked on at once: a multiple of three channels and of a vector register.
+/// Number of samples processed together: a multiple of three channels and of the vector length.
 const LANES: usize = 24;
 
-/// What an exposure's values mean.
+/// Tables of one exposure.
 struct Coded<const CODES: usize> {
-    /// Of each merged channel.
+    /// One table per merged channel.
     tables: Vec<Box<[Entry; CODES]>>,
     scatter: Scatter,
 }
 
-/// What exposures add to [`LANES`] sums in a row. Looking entries up takes one sample after the other, but all else is done by
-/// vectors.
+/// Adds exposures to [`LANES`] consecutive sums. Table lookups are sequential; the remaining arithmetic is vectorised.
 #[inline(always)]
 fn add_lanes<const CODES: usize>(
     sums: &mut [Sum; LANES],
@@ -196,7 +198,7 @@ fn add_lanes<const CODES: usize>(
     }
 }
 
-/// All three channels of a colour file.
+/// Adds all three channels of a colour file.
 #[inline(always)]
 fn rgb<T: Code, const CODES: usize>(sums: &mut [Sum], coded: &[Coded<CODES>], values: &[&[T]]) {
     let (chunks, rest) = sums.as_chunks_mut::<LANES>();
@@ -220,7 +222,7 @@ fn tables<const CODES: usize>(coded: &Coded<CODES>) -> [&[Entry; CODES]; 3] {
     [&coded.tables[0], &coded.tables[1], &coded.tables[2]]
 }
 
-/// One channel of a file that stores so many.
+/// Adds one channel of a file with several.
 #[inline(always)]
 fn one<T: Code, const CODES: usize>(
     sums: &mut [Sum],
@@ -239,7 +241,7 @@ fn one<T: Code, const CODES: usize>(
     }
 }
 
-/// A file's integer values.
+/// Integer values of a file.
 pub(super) trait Code: Copy + Sync {
     fn of(samples: &Samples) -> Option<&[Self]>;
     fn index(self) -> usize;

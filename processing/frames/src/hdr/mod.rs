@@ -1,12 +1,11 @@
-//! One photograph of high dynamic range from several exposures.
+//! Merging of several exposures into one high-dynamic-range photograph.
 //!
-//! Every exposure says `light = response(value) / (exposure · gain)` with a variance that its noise gives it: shot and read
-//! noise of the sensor, and rounding to codes, which a curved response makes larger where it is steep. The merged light is
-//! their mean weighted by the inverse variances, over those that are not saturated; Debevec and Malik (1997) weight by a hat
-//! over the codes instead.
+//! Each exposure yields `light = response(value) / (exposure · gain)`, with a variance from shot noise, read noise, and
+//! rounding to codes; a steep response amplifies rounding. The merged light is the inverse-variance weighted mean of
+//! the unsaturated exposures. Debevec and Malik (1997) use a hat function over the codes as weight instead.
 //!
-//! A response that is not known is recovered from the bracket itself, as Debevec and Malik do, but with each value weighted
-//! by what it is worth, and with smoothness that costs a power law nothing.
+//! An unknown response is recovered from the bracket, as by Debevec and Malik, but with statistical weights and with a
+//! smoothness term that does not penalise power laws.
 
 mod align;
 mod coding;

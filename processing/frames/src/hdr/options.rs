@@ -31,7 +31,8 @@ response was recovered."
 pub struct Options {
     /// Response of the camera: stated, linear, recover, or the response.json of an earlier recovery.
     ///
-    /// stated is the transfer function of frames.json. Without one, the response of 8-bit photographs is recovered, and that of others is linear.
+    /// stated is the transfer function of frames.json. Without one, the response of 8-bit photographs is recovered, and
+    /// that of others is linear.
     #[schemars(extend("x-placeholder" = "stated|linear|recover|FILE", "x-file" = true, "examples" = ["stated", "linear", "recover"]))]
     pub response: ResponseChoice,
     /// auto corrects shifts between exposures where that reduces the error; off leaves them.
@@ -46,20 +47,20 @@ pub struct Options {
     pub max_error: Option<f64>,
 }
 
-/// How values grow with light.
+/// Response of the camera.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "String", into = "String")]
 #[schemars(with = "String")]
 pub enum ResponseChoice {
-    /// As the photographs' `transfer` says; photographs without a `frames.json` are recovered from where they have 8 bits, and
-    /// taken for linear otherwise.
+    /// The photographs' `transfer`. Without a `frames.json`, the response of 8-bit photographs is recovered, and that
+    /// of others is linear.
     #[default]
     Stated,
-    /// In proportion.
+    /// Linear response.
     Linear,
-    /// By a curve that is recovered from the bracket.
+    /// Response recovered from the bracket.
     Recover,
-    /// By the curve of an earlier recovery.
+    /// Response of an earlier recovery (response.json).
     File(PathBuf),
 }
 

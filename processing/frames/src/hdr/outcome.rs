@@ -1,4 +1,4 @@
-//! What a merge found out, and what of it the reader must know.
+//! Results of a merge, and warnings about them.
 
 use super::coding::Coding;
 use super::merge::Sums;
@@ -8,14 +8,15 @@ use super::sample::Agreement;
 use crate::{Frame, LoadedFrames};
 use nacre_image::registration::Alignment;
 
-/// A recovered response less certain than this is warned of, and one with fewer of its codes seen.
+/// Relative uncertainty of a recovered response, and minimum fraction of its codes observed; beyond them a warning is
+/// issued.
 const CERTAIN: f64 = 0.02;
 const SEEN: f64 = 0.9;
 
-/// An exposure that is off by more than this, and by five standard deviations, is warned of.
+/// Relative exposure error above which a warning is issued, if it also exceeds five standard deviations.
 const GAIN_OFF: f64 = 0.03;
 
-/// Everything that was found out.
+/// All results of the merge.
 pub(super) struct Outcome {
     pub coding: Coding,
     pub sums: Sums,
@@ -25,9 +26,9 @@ pub(super) struct Outcome {
     pub shifts: Option<Alignment>,
     pub agreement: Option<Agreement>,
     pub noise_given: bool,
-    /// What the assumed camera's noise was calibrated by.
+    /// Calibration factor of the assumed camera's noise.
     pub noise_factor: Option<f64>,
-    /// Photographs that clip below white.
+    /// Warning about photographs that clip below white.
     pub clipping: Option<String>,
 }
 

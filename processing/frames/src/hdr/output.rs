@@ -7,17 +7,17 @@ use nacre_image::{Attribute, OutputFolder, write_exr, write_png8};
 use nacre_optics::color::srgb_code;
 use rayon::prelude::*;
 
-/// Light that is less than so many standard deviations above nothing counts as dark.
+/// Number of standard deviations above zero below which light counts as dark.
 const DARK_SIGMA: f32 = 3.0;
 
-/// `flags.exr`.
+/// Values of `flags.exr`.
 const SATURATED: f32 = 1.0;
 const DARK: f32 = 2.0;
 
-/// Brightness that the picture's logarithmic mean is shown at, of white.
+/// Brightness of the logarithmic mean in the picture, relative to white.
 const KEY: f32 = 0.18;
 
-/// Most samples that medians are taken of.
+/// Maximum number of samples for medians.
 const LOOKED_AT: usize = 1 << 20;
 
 /// Merged light of an image.
@@ -27,7 +27,7 @@ pub(super) struct Merged<'a> {
     pub height: usize,
 }
 
-/// Numbers about merged light.
+/// Statistics of merged light.
 pub(super) struct Numbers {
     pub samples: Samples,
     pub sigma: Option<f64>,
@@ -40,7 +40,7 @@ impl Merged<'_> {
         if self.sums.channels() == 3 { &["R", "G", "B"] } else { &["Y"] }
     }
 
-    /// Light, its variance and flag.
+    /// Light, its variance, and its flag.
     fn at(&self, pixel: usize, channel: usize) -> [f32; 3] {
         match self.sums.at(pixel, channel) {
             None => [f32::NAN, f32::NAN, SATURATED],
@@ -69,8 +69,8 @@ impl Merged<'_> {
         write_png8(&folder.path("hdr.png"), self.width, self.height, channels, &self.picture())
     }
 
-    /// The picture: Reinhard's global curve (Reinhard et al. 2002, Eq. 4) of the luminance, sRGB. What is saturated in every
-    /// exposure is white.
+    /// Picture in sRGB: Reinhard's global tone curve of the luminance (Reinhard et al. 2002, Eq. 4). Pixels saturated
+    /// in all exposures are white.
     fn picture(&self) -> Vec<u8> {
         let channels = self.sums.channels();
         let pixel = |p: usize| -> [f32; 3] { std::array::from_fn(|c| self.at(p, c.min(channels - 1))[0]) };

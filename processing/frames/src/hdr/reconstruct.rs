@@ -1,4 +1,4 @@
-//! The whole job: a bracket to one photograph, its variance and a report in a new folder.
+//! Merge of a bracket: photograph, variance and report in a new folder.
 
 use super::align::{Aligner, add_moved};
 use super::coding::{Coding, Curve};
@@ -21,20 +21,20 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Merges `input` (a session folder, a `frames.json` with one view in several exposures, or a folder of photographs that say
-/// their times) into the new folder `out`.
+/// Merges `input` (a session folder, a `frames.json` with one view in several exposures, or a folder of photographs
+/// with exposure times) into the new folder `out`.
 ///
 /// # Errors
-/// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which nothing
-/// is left behind; `Cancelled`.
+/// `Input` for invalid photographs, before anything is written. `Output` if writing fails; the partial folder is then
+/// removed. `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
     perform(options, input, out, false, progress)
 }
 
 /// Merges into a folder.
 ///
-/// Memory: two floats per sample (pixel and channel), four decoded photographs, and at most 256 MB of photographs that are
-/// needed again, whatever their number.
+/// Memory: two floats per sample (pixel and channel), four decoded photographs, and at most 256 MB of photographs kept
+/// for reuse, independent of their number.
 pub(super) fn merge_into(
     folder: &OutputFolder,
     input: &Path,
@@ -54,7 +54,7 @@ pub(super) fn merge_into(
     maps.write(folder)?;
     progress.check()?;
     if let Curve::Measured(response) = &merged.coding.curve {
-        // Plain data always serialises.
+        // Serialising plain data cannot fail.
         folder.write("response.json", serde_json::to_string(response).unwrap_or_default().as_bytes())?;
     }
     let total = begun.elapsed().as_secs_f64();
@@ -63,7 +63,7 @@ pub(super) fn merge_into(
     Ok(report)
 }
 
-/// What is merged.
+/// Input of the merge.
 struct Bracket {
     frames: LoadedFrames,
     /// Channels of the files.
@@ -107,34 +107,34 @@ impl Bracket {
     }
 }
 
-/// What is known before anything is merged.
+/// Results of the analysis before merging.
 struct Looked {
     coding: Coding,
-    /// What the response is called.
+    /// Name of the response.
     response: String,
-    /// Of a recovered response: its standard deviation, and which part of its codes was seen.
+    /// Recovered response: its standard deviation, and fraction of codes observed.
     response_sigma: Option<f64>,
     seen: Option<f64>,
     shifts: Option<Alignment>,
     noise_factor: Option<f64>,
     sample: Sample,
-    /// Decoded exposures that were kept, by their position.
+    /// Decoded exposures kept for reuse, by index.
     kept: Vec<Option<Raster>>,
 }
 
 impl Looked {
-    /// With a response that is known.
+    /// For a known response.
     fn known(coding: Coding, response: String, sample: Sample, kept: Vec<Option<Raster>>) -> Self {
         Self { coding, response, response_sigma: None, seen: None, shifts: None, noise_factor: None, sample, kept }
     }
 
-    /// Shifts of exposures that are to be moved back.
+    /// Shifts of the exposures, if they are to be resampled.
     fn moved(&self) -> Option<&Vec<[f64; 2]>> {
         self.shifts.as_ref().filter(|s| s.corrected).map(|s| &s.shifts_px)
     }
 }
 
-/// Coding and name of a response that is known before any photograph is.
+/// Coding and name of a response that is known without photographs.
 fn known_response(frames: &LoadedFrames, choice: &ResponseChoice) -> Result<Option<(Coding, String)>> {
     let stated = |transfer| Some((Coding::new(frames, Curve::Stated(transfer)), name_of(transfer)));
     Ok(match choice {
@@ -151,7 +151,7 @@ fn known_response(frames: &LoadedFrames, choice: &ResponseChoice) -> Result<Opti
     })
 }
 
-/// Finds out what nobody has told: response, shifts and noise. Photographs are only looked at where something of it is wanted.
+/// Estimates unknown response, shifts and noise. Photographs are read only if one of these is needed.
 fn look(bracket: &Bracket, options: &Options, progress: &dyn Progress) -> Result<Looked> {
     let frames = &bracket.frames;
     let (set, info, count) = (&frames.set, frames.info, frames.set.frames.len());
@@ -178,7 +178,7 @@ fn look(bracket: &Bracket, options: &Options, progress: &dyn Progress) -> Result
     if aligns {
         looked.shifts = Some(shifts(bracket, &looked, progress)?);
     }
-    // Exposures that were moved do not lie where the sample was taken.
+    // Resampled exposures no longer match the sampled positions.
     if calibrates && looked.moved().is_none() {
         put_darks(bracket, &looked.coding, &mut looked.sample)?;
         looked.noise_factor = looked.sample.comparison(&looked.coding, &set.frames).noise_factor();
@@ -187,7 +187,7 @@ fn look(bracket: &Bracket, options: &Options, progress: &dyn Progress) -> Result
     Ok(looked)
 }
 
-/// What the camera shows without light where the sample is.
+/// Adds the dark signal at the sampled positions.
 fn put_darks(bracket: &Bracket, coding: &Coding, sample: &mut Sample) -> Result<()> {
     let mut darks = Darks::default();
     for (k, frame) in bracket.frames.set.frames.iter().enumerate() {
@@ -196,12 +196,12 @@ fn put_darks(bracket: &Bracket, coding: &Coding, sample: &mut Sample) -> Result<
     Ok(())
 }
 
-/// Light of dark photographs; the last one is kept, since exposures often share one.
+/// Light of dark photographs. The last one is kept, because exposures often share one.
 #[derive(Default)]
 struct Darks(Option<(PathBuf, Vec<f32>)>);
 
 impl Darks {
-    /// In light of one value, of every merged sample; empty for none.
+    /// Dark light of every merged sample, relative to one exposure's value; empty without a dark photograph.
     fn of(&mut self, bracket: &Bracket, coding: &Coding, frame: &Frame) -> Result<&[f32]> {
         let Some(name) = frame.dark.as_ref().or(bracket.frames.set.dark.as_ref()) else { return Ok(&[]) };
         let plane = match self.0.take() {
@@ -212,7 +212,7 @@ impl Darks {
     }
 }
 
-/// Positions of the exposures, longest first.
+/// Indices of the exposures, longest first.
 fn longest_first(frames: &[Frame]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..frames.len()).collect();
     order.sort_by(|a, b| frames[*a].scale().total_cmp(&frames[*b].scale()));
@@ -247,7 +247,7 @@ fn recovered(bracket: &Bracket, sample: Sample, kept: Vec<Option<Raster>>) -> Re
     Ok(Looked { response_sigma: Some(sigma), seen: Some(seen), ..known })
 }
 
-/// How the exposures lie over each other. The one in the middle decides where to look.
+/// Registers the exposures. The middle exposure selects the windows.
 fn shifts(bracket: &Bracket, looked: &Looked, progress: &dyn Progress) -> Result<Alignment> {
     let (frames, info) = (&bracket.frames.set.frames, bracket.frames.info);
     let mut order = longest_first(frames);

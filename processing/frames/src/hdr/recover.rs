@@ -1,55 +1,59 @@
-//! The response of a camera, recovered from a bracket (Debevec and Malik 1997, Eq. 3).
+//! Recovery of a camera's response from a bracket (Debevec and Malik 1997, Eq. 3).
 //!
-//! Unknown are the log light `g` of 255 knots and the log radiance of every sampled pixel. Each value between black and white
-//! says `g(value) = ln radiance + ln exposure`; radiances are eliminated one by one, so that only the knots are solved for.
-//! A bracket in even steps cannot tell `g` from `g` plus anything that repeats with the step, so smoothness has to decide:
-//! it is the change of slope over the logarithm of the code, which costs no power law anything.
+//! Unknowns are the log light `g` at 255 knots and the log radiance of every sampled pixel. Each value between black
+//! and white gives an equation `g(value) = ln radiance + ln exposure`. Radiances are eliminated one at a time, so that
+//! only the knots remain. For equal exposure steps, `g` is determined only up to a function periodic in the step.
+//! Smoothness removes this ambiguity: it penalises the change of slope over the logarithm of the code, which is zero
+//! for power laws.
 
 use super::response::{KNOTS, Response};
 use nalgebra::{DMatrix, DVector};
 
-/// Values between black (0) and white (1) that are looked at: outside they are clipped or next to nothing.
+/// Range of values between black (0) and white (1): values outside are clipped or nearly black.
 const LOW: f64 = 4.5 / 255.0;
 const HIGH: f64 = 252.5 / 255.0;
 
-/// Least standard deviation of a value in knots: rounding and a little noise. It grows with what the data scatter by.
+/// Minimum standard deviation of a value in knots, for rounding and slight noise. It increases with the scatter of the
+/// data.
 const SIGMA: f64 = 0.6;
 
-/// Brighter values that seem to mean less light are taken for noise if they do so by less than this part of the light, from this
-/// knot on: below there is little but black.
+/// Maximum relative decrease of light towards brighter values that counts as noise, and knot from which it applies;
+/// lower knots are nearly black.
 const DIP: f64 = 0.1;
 const RISES_FROM: usize = 16;
 
-/// How much the slope of `g` over ln code may change from knot to knot, standard deviation. With 0.05 what repeats with the step of
-/// the bracket is 10 % wrong for a linear camera; with 0.003 a film's shoulder is 1 % flatter than it is.
+/// Standard deviation of the change of slope of `g` over ln code between knots. With 0.05, the periodic ambiguity
+/// causes a 10 % error for a linear camera. With 0.003, the shoulder of film is 1 % too flat.
 const BEND: f64 = 0.01;
 
-/// Knots to both sides over which the slope is taken that weights depend on: that of neighbours is noise.
+/// Number of knots on each side over which the slope for weights is averaged, because the slope between adjacent knots
+/// is noisy.
 const AROUND: usize = 4;
 
-/// Deviations beyond so many standard deviations count less and less: something moved.
+/// Number of standard deviations above which deviations, for instance by motion, are down-weighted.
 const OUTLIER: f64 = 3.0;
 
-/// Rounds of weighting.
+/// Number of re-weighting iterations.
 const ROUNDS: usize = 5;
 
-/// Fewest observations of pixels in more than one exposure.
+/// Minimum number of observations from pixels in more than one exposure.
 const FEWEST: usize = 200;
 
 /// A recovered curve.
 pub(super) struct Recovered {
     /// Light at the knots, 1 at code 128.
     pub curve: Vec<f64>,
-    /// Largest relative standard deviation of light between codes 16 and 240, by the scatter of the data.
+    /// Largest relative standard deviation of light between codes 16 and 240, from the scatter of the data.
     pub sigma: f64,
-    /// Share of the knots between 16 and 240 that values were seen near to.
+    /// Fraction of the knots between 16 and 240 with observations nearby.
     pub seen: f64,
 }
 
-/// One channel: `positions[exposure][pixel]`, 0 at black and 1 at white, with the exposures' `1/(exposure · gain)`.
+/// Recovers one channel. `positions[exposure][pixel]` is 0 at black and 1 at white; `scales` are the exposures'
+/// `1/(exposure · gain)`.
 ///
 /// # Errors
-/// What is wrong with the bracket, in words.
+/// A problem of the bracket, as text.
 pub(super) fn recover(positions: &[Vec<f64>], scales: &[f64]) -> Result<Recovered, String> {
     let data = Data::new(positions, scales)?;
     let mut g: Vec<f64> = (0..KNOTS).map(|k| 2.2 * (k.max(1) as f64 / 128.0).ln()).collect();
@@ -72,11 +76,11 @@ pub(super) fn recover(positions: &[Vec<f64>], scales: &[f64]) -> Result<Recovere
     Ok(Recovered { curve, sigma, seen: data.seen() })
 }
 
-/// Light that rises with the code.
+/// Light as a monotonically increasing function of the code.
 fn rising(g: &[f64]) -> Result<Vec<f64>, String> {
     let mut curve: Vec<f64> = g.iter().map(|g| g.exp()).collect();
     curve[0] = 0.0;
-    // From the bright end down, so that the darkest codes, of which least is known, give way.
+    // From the bright end downwards, so that the darkest codes, which are least certain, are adjusted.
     for k in (1..KNOTS - 1).rev() {
         if curve[k] >= curve[k + 1] {
             if k >= RISES_FROM && curve[k] > curve[k + 1] * (1.0 + DIP) {
@@ -89,21 +93,21 @@ fn rising(g: &[f64]) -> Result<Vec<f64>, String> {
     Ok(curve)
 }
 
-/// Curves of all channels as one response: their light is alike at code 128, as a camera's white balance has it.
+/// Combines the curves of all channels. Their light is equal at code 128, in agreement with the camera's white balance.
 pub(super) fn response(channels: &[Recovered]) -> Response {
     let top = channels.iter().filter_map(|c| c.curve.last()).fold(0.0, |a: f64, b| a.max(*b));
     let curve = |c: &Recovered| c.curve.iter().map(|v| (v / top) as f32).collect();
     Response { curves: channels.iter().map(curve).collect() }
 }
 
-/// One value: which knots it lies between, and ln exposure.
+/// One value: adjacent knots, and ln exposure.
 struct Value {
     knot: usize,
     share: f64,
     exposure: f64,
 }
 
-/// Usable values of the pixels that have at least two.
+/// Usable values of pixels with at least two of them.
 struct Data {
     pixels: Vec<Vec<Value>>,
 }
@@ -112,7 +116,7 @@ struct Data {
 struct System {
     matrix: DMatrix<f64>,
     right: DVector<f64>,
-    /// Mean squared deviation over what was expected.
+    /// Mean squared deviation relative to its expectation.
     chi2: f64,
 }
 
@@ -171,7 +175,7 @@ impl Data {
                 square += w * (at(v) - v.exposure - middle).powi(2);
             }
             freedom += (pixel.len() - 1) as f64;
-            // What the pixel's own radiance takes up.
+            // Eliminates the pixel's own radiance.
             let exposure = pixel.iter().zip(&weights).map(|(v, w)| w * v.exposure).sum::<f64>() / total;
             for (v, w) in pixel.iter().zip(&weights) {
                 for (p, b) in [(0, 1.0 - v.share), (1, v.share)] {
@@ -186,7 +190,7 @@ impl Data {
             }
         }
         smooth(&mut matrix);
-        // The scale is free: light is 1 at code 128.
+        // Fixes the scale: light is 1 at code 128.
         matrix[(127, 127)] += 1e8;
         System { matrix, right, chi2: (square / freedom).max(1e-6) }
     }
@@ -200,7 +204,7 @@ impl Data {
     }
 }
 
-/// Adds what smoothness asks for.
+/// Adds the smoothness term.
 fn smooth(matrix: &mut DMatrix<f64>) {
     let u = |k: usize| (k as f64).ln();
     for k in 2..KNOTS - 1 {

@@ -6,13 +6,13 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Result of merging a bracket, in words and numbers.
+/// Result of merging a bracket.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "HdrReport")]
 pub struct Report {
     /// Always `hdr`.
     pub method: &'static str,
-    /// What the reader must know before trusting the result. Empty when there is nothing.
+    /// Limitations of the result; empty if none is known.
     pub warnings: Vec<String>,
     /// Pixels of a row.
     pub width: usize,
@@ -22,27 +22,27 @@ pub struct Report {
     pub channels: Vec<&'static str>,
     /// The exposures.
     pub frames: Vec<FrameReport>,
-    /// How values became light: `linear`, `srgb`, `gamma 2.2`, `recovered`, or the file.
+    /// Response: `linear`, `srgb`, `gamma 2.2`, `recovered`, or the file.
     pub response: String,
     /// Largest relative standard deviation of the recovered response between codes 16 and 240.
     pub response_sigma: Option<f64>,
-    /// Ratio of the brightest (99.9 % of the samples are darker) to the darkest light (0.1 %) that was measured.
+    /// Ratio of the 99.9 % quantile to the 0.1 % quantile of measured light.
     pub dynamic_range: Option<f64>,
-    /// Samples (pixels and channels) counted.
+    /// Number of samples (pixels times channels).
     pub samples: Samples,
-    /// Median relative standard deviation of measured light, noise alone.
+    /// Median relative standard deviation of measured light, from noise alone.
     pub error_estimate: Option<f64>,
-    /// How much larger the scatter of the exposures about the merged light is than the noise of the given or assumed camera
-    /// explains (variances); 1 where they agree.
+    /// Reduced χ² of the exposures about the merged light, for the noise of the given or assumed camera; 1 indicates
+    /// agreement.
     pub chi2: Option<f64>,
-    /// `given`, or `estimated` from the scatter of the exposures, or `assumed`: a small sensor.
+    /// Source of the noise model: `given`, `estimated` from the scatter of the exposures, or `assumed` (small sensor).
     pub noise: &'static str,
-    /// What the shot and read noise (variances) of the assumed camera were multiplied by, so that they and rounding explain how the
-    /// exposures scatter; none where noise is given or nothing tells it.
+    /// Factor on the assumed camera's shot and read noise (variances) that explains the scatter of the exposures, in
+    /// addition to rounding. `None` if noise is given or undetermined.
     pub noise_factor: Option<f64>,
-    /// How the exposures lie over each other; none when nobody looked.
+    /// Registration of the exposures; `None` if disabled.
     pub registration: Option<Alignment>,
-    /// Seconds spent.
+    /// Computation times.
     pub seconds: Seconds,
 }
 
@@ -53,32 +53,32 @@ pub struct FrameReport {
     pub file: String,
     /// Exposure time · gain, in s.
     pub exposure: f64,
-    /// How much brighter it is than the other exposures say, and the standard deviation of that; 1 is right.
+    /// Brightness relative to the other exposures, and its standard deviation; expected to be 1.
     pub gain: Option<[f64; 2]>,
 }
 
-/// How many samples there are.
+/// Number of samples.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Samples {
     /// All.
     pub all: usize,
-    /// Saturated in every exposure: unknown, NaN.
+    /// Saturated in all exposures: unknown, NaN.
     pub saturated: usize,
-    /// Less than three standard deviations above black in all exposures together.
+    /// Less than three standard deviations above black in the merged light.
     pub dark: usize,
 }
 
-/// What took how long.
+/// Computation times in seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 #[schemars(rename = "HdrSeconds")]
 pub struct Seconds {
-    /// Looking at the exposures: response, registration.
+    /// Analysis of the exposures: response, registration.
     pub look: f64,
     /// Reading and merging.
     pub merge: f64,
     /// Writing.
     pub write: f64,
-    /// Everything.
+    /// Total.
     pub total: f64,
 }
 

@@ -1,18 +1,18 @@
-//! How a camera's values grow with light, as a curve per channel.
+//! Camera response: light as a function of file value, one curve per channel.
 
 use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Knots of a curve: the codes of an 8-bit file.
+/// Number of knots of a curve: the codes of an 8-bit file.
 pub(super) const KNOTS: usize = 256;
 
-/// Largest file that is read.
+/// Maximum size of the file.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Light of file values: 256 knots from black to white for each channel, piecewise linear between them. Light is 0 at
-/// black and at most 1 at white; only its ratios have a meaning.
+/// Response with 256 knots from black to white for each channel, piecewise linear between them. Light is 0 at black and
+/// at most 1 at white; only its ratios are meaningful.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Response {
@@ -21,10 +21,10 @@ pub struct Response {
 }
 
 impl Response {
-    /// Reads a `response.json` as [`reconstruct`](super::reconstruct) writes it.
+    /// Reads a `response.json` written by [`reconstruct`](super::reconstruct).
     ///
     /// # Errors
-    /// `Input` for a file that cannot be read, is no such file, or whose curves do not rise.
+    /// `Input` for an unreadable or different file, and for curves that do not increase.
     pub fn read(path: &Path) -> Result<Self> {
         let remedy = "give the response.json of an earlier `nacre reconstruct hdr --response recover`";
         let bad = |problem: String| Error::file(path, problem, remedy);
@@ -33,7 +33,7 @@ impl Response {
         response.problem().map_or(Ok(response), |problem| Err(bad(problem)))
     }
 
-    /// Why this is no response, if it is none.
+    /// Reason why the response is invalid, if it is.
     fn problem(&self) -> Option<String> {
         if !matches!(self.curves.len(), 1 | 3) {
             return Some(format!("has {} curves; one or three are expected", self.curves.len()));
@@ -46,7 +46,7 @@ impl Response {
         })
     }
 
-    /// Light at `position`, 0 (black) to 1 (white); continued linearly below and above.
+    /// Light at `position`, 0 (black) to 1 (white); extrapolated linearly outside.
     pub(super) fn light(&self, channel: usize, position: f64) -> f64 {
         let curve = &self.curves[channel.min(self.curves.len() - 1)];
         let at = position * (KNOTS - 1) as f64;

@@ -1,44 +1,44 @@
-//! Some pixels of every exposure: what a response is recovered from, and what the exposures are checked against each other on.
+//! Sampled pixels of all exposures, for recovery of the response and comparison of the exposures.
 
 use super::coding::{Coding, Entry, Scatter};
 use crate::Frame;
 use nacre_base::statistics::{median, median_chi_square};
 use nacre_image::{Raster, Samples};
 
-/// Most pixels, and most values of all exposures together, whatever their number.
+/// Maximum number of pixels, and maximum number of values over all exposures.
 const PIXELS: usize = 16_384;
 const VALUES: usize = 1 << 20;
 
-/// Light this many standard deviations above nothing is what exposures are compared on.
+/// Minimum signal-to-noise ratio of light used to compare exposures.
 const CLEAR_SIGMA: f64 = 10.0;
 
-/// Limits of what an assumed camera's noise is multiplied by, and how often the interval between them is halved.
+/// Limits of the factor on an assumed camera's noise, and number of bisections between them.
 const FACTOR: [f64; 2] = [1e-6, 1e6];
 const HALVINGS: usize = 20;
 
-/// Values of the same pixels in every exposure.
+/// Values of the same pixels in all exposures.
 pub(super) struct Sample {
     pixels: Vec<usize>,
     channels: Vec<usize>,
-    /// Per exposure: file values of each pixel's merged channels.
+    /// File values of each pixel's merged channels, per exposure.
     pub values: Vec<Vec<f32>>,
-    /// Per exposure: what the camera shows without light, in light of one value; empty for none.
+    /// Dark signal per exposure, relative to one exposure's value; empty if none is subtracted.
     pub darks: Vec<Vec<f32>>,
 }
 
-/// How well the exposures agree.
+/// Consistency of the exposures.
 #[derive(Clone, Debug)]
 pub(super) struct Agreement {
-    /// Mean squared deviation from the merged light over the variance that noise explains, per degree of freedom; the median over the
-    /// sample, corrected to the mean of a normal one. None where no pixel was measured twice.
+    /// Reduced χ² of the deviations from the merged light: median over the sample, scaled to the mean of a normal
+    /// distribution. `None` if no pixel was measured twice.
     pub chi2: Option<f64>,
-    /// Per exposure: the factor that its light is brighter by than the others', and its standard deviation. None for exposures that
-    /// share no pixel with another.
+    /// Brightness of each exposure relative to the others, and its standard deviation. `None` for exposures that share
+    /// no pixel with another.
     pub gains: Vec<Option<[f64; 2]>>,
 }
 
 impl Sample {
-    /// Of images of this size, spread evenly.
+    /// Evenly distributed samples of images of this size.
     pub(super) fn new(width: usize, height: usize, channels: &[usize], frames: usize) -> Self {
         let most = PIXELS.min(VALUES / (frames * channels.len()).max(1)).max(1);
         let step = ((width * height) as f64 / most as f64).sqrt().max(1.0);
@@ -48,7 +48,7 @@ impl Sample {
         Self { pixels, channels: channels.to_vec(), values: vec![vec![]; frames], darks: vec![vec![]; frames] }
     }
 
-    /// Takes in the `k`-th exposure.
+    /// Adds the `k`-th exposure.
     pub(super) fn put(&mut self, k: usize, raster: &Raster) {
         let at = self.pixels.iter().flat_map(|p| self.channels.iter().map(move |c| p * raster.channels + c));
         self.values[k] = match &raster.samples {
@@ -58,7 +58,7 @@ impl Sample {
         };
     }
 
-    /// Takes in what the camera shows without light at the `k`-th exposure: of every merged sample, or nothing.
+    /// Adds the dark signal of the `k`-th exposure: of every merged sample, or empty.
     pub(super) fn put_dark(&mut self, k: usize, light: &[f32]) {
         let n = self.channels.len();
         let at = self.pixels.iter().flat_map(|p| p * n..(p + 1) * n);
@@ -71,7 +71,7 @@ impl Sample {
         self.values.iter().map(|v| v.iter().skip(position).step_by(n).copied().collect()).collect()
     }
 
-    /// The exposures as light, to be compared.
+    /// Converts the exposures to light for comparison.
     pub(super) fn comparison(&self, coding: &Coding, frames: &[Frame]) -> Comparison {
         let n = self.channels.len();
         let of_frame = |(frame, values): (&Frame, &Vec<f32>)| -> Vec<Entry> {
@@ -83,23 +83,23 @@ impl Sample {
             light: frames.iter().zip(&self.values).map(of_frame).collect(),
             darks: frames.iter().zip(&self.darks).map(dark).collect(),
             scatters: frames.iter().map(|f| coding.scatter(f)).collect(),
-            // One light for all weights is had by the exposures' lengths.
+            // Weights derive from a common estimate of light, the mean over exposure lengths.
             lengths: frames.iter().map(|f| 1.0 / f.scale()).collect(),
         }
     }
 }
 
-/// Light of the same samples in every exposure.
+/// Light of the same samples in all exposures.
 pub(super) struct Comparison {
     light: Vec<Vec<Entry>>,
-    /// What is to be subtracted; empty for nothing.
+    /// Dark signal to subtract; empty for none.
     darks: Vec<Vec<f32>>,
     scatters: Vec<Scatter>,
     lengths: Vec<f64>,
 }
 
 impl Comparison {
-    /// Compares the exposures with what they are merged into, if the noise's variance is `factor` times what was thought.
+    /// Compares the exposures with their merged light, with noise variances multiplied by `factor`.
     pub(super) fn agreement(&self, factor: f64) -> Agreement {
         let mut chi2 = vec![];
         let mut gains = vec![(0.0_f64, 0.0_f64); self.light.len()];
@@ -115,9 +115,9 @@ impl Comparison {
             let mut square = 0.0;
             for (k, x, w) in &seen {
                 square += w * (x / w - mean).powi(2);
-                // Against the others alone, which do not hold its own noise.
+                // Compares with the other exposures only, whose noise is independent.
                 let (others, rest) = (light - x, weight - w);
-                // Where the others know little, their noise would be taken for light.
+                // Uncertain light of the others would be dominated by their noise.
                 if rest > 0.0 && others > CLEAR_SIGMA * rest.sqrt() {
                     let (expected, variance) = (others / rest, 1.0 / w + 1.0 / rest);
                     gains[*k].0 += x / w * expected / variance;
@@ -130,7 +130,7 @@ impl Comparison {
         Agreement { chi2: median(&mut chi2), gains: gains.into_iter().map(gain).collect() }
     }
 
-    /// Exposures that show a sample: which, weight · light, weight.
+    /// Exposures with a valid sample: index, weight · light, weight.
     fn entries(&self, i: usize, factor: f64, seen: &mut Vec<(usize, f64, f64)>) {
         let shown = || (0..self.light.len()).filter(|k| self.light[*k][i][1].is_finite());
         let dark = |k: usize| self.darks[k].get(i).copied();
@@ -146,8 +146,8 @@ impl Comparison {
         }));
     }
 
-    /// What the noise's variance must be multiplied by, so that it and rounding explain how the exposures differ. None where
-    /// no sample was seen twice. Rounding is known and stays what it is.
+    /// Factor on the noise variances that, together with rounding, explains the differences between exposures. `None`
+    /// if no sample was measured twice. The variance of rounding is known and not scaled.
     pub(super) fn noise_factor(&self) -> Option<f64> {
         let excess = |factor: f64| self.agreement(factor).chi2.map(|c| c - 1.0);
         let [mut low, mut high] = FACTOR;

@@ -1,4 +1,5 @@
-//! One photograph for reconstructions that need one: a file, the merged exposures in a folder, or exposures that are merged first.
+//! Input of operations on a single photograph: a file, merged exposures in a folder, or a series of exposures to merge
+//! first.
 
 use super::input::{bracket, work};
 use super::{Options, Report, reconstruct};
@@ -13,16 +14,16 @@ use std::path::{Path, PathBuf};
 
 /// One photograph.
 pub struct Source {
-    /// Its file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// How exposures were merged into it, where they were. Their light is per second of exposure and unit of gain.
+    /// Report of the merge, for a series of exposures. Their light is per second of exposure and unit of gain.
     pub merged: Option<Report>,
-    /// Where merged exposures are until they have been read.
+    /// Temporary folder of merged exposures.
     _folder: Option<tempfile::TempDir>,
 }
 
 impl Source {
-    /// Finds the photograph `input` is or holds; merges exposures.
+    /// Finds the photograph at `input`; merges exposures if necessary.
     ///
     /// # Errors
     /// As [`reconstruct`] for exposures.
@@ -38,7 +39,8 @@ impl Source {
         Ok(Self { path: out.join("hdr.exr"), merged, _folder: Some(folder) })
     }
 
-    /// Warnings about the photographs' files: those of merging, or those of the only file, which is read with this transfer function.
+    /// Warnings about the photographs' files: those of merging, or those of a single file read with this transfer
+    /// function.
     pub fn warnings(&self, transfer: Transfer) -> Vec<String> {
         match &self.merged {
             Some(merged) => merged.warnings.clone(),
@@ -46,8 +48,8 @@ impl Source {
         }
     }
 
-    /// What an operation on the photograph needs, by its header; merging included. Refuses what is no photograph, is too large, or needs more
-    /// memory than is allowed.
+    /// Predicts the work of an operation on the photograph from its header, including merging. Rejects other files, too
+    /// large photographs, and operations beyond the memory limit.
     ///
     /// # Errors
     /// `Input`.
@@ -64,13 +66,13 @@ impl Source {
     }
 }
 
-/// Whether the input is a set of exposures.
+/// True if the input is a series of exposures.
 pub fn is_bracket(input: &Path) -> bool {
     let json = input.extension().is_some_and(|e| e == "json");
     json || input.is_dir() && (input.join(FILE_NAME).is_file() || file(input).is_none())
 }
 
-/// The photograph: the input, the merged exposures in it, or the only photograph in it.
+/// The photograph: the input itself, the merged exposures in it, or its only photograph.
 fn file(input: &Path) -> Option<PathBuf> {
     if input.is_dir() { photograph_in(input, "hdr.exr") } else { Some(input.to_owned()) }
 }

@@ -1,4 +1,4 @@
-//! Brackets of light that is known.
+//! Brackets of known light.
 
 use super::*;
 use crate::NoiseModel;
@@ -8,7 +8,7 @@ use nacre_image::registration::Align;
 use nacre_image::{read_exr, write_png8, write_png16_gray};
 use std::path::Path;
 
-/// Light of a scene of `width` × `height` pixels, 0 to `top`, evenly in its logarithm, in blocks that make edges.
+/// Light of a scene of `width` × `height` pixels, 0 to `top`, log-uniform, in blocks with edges.
 fn scene(width: usize, height: usize, low: f64, top: f64) -> Vec<f64> {
     let ramp = |i: usize| {
         let (x, y) = (i % width, i / width);
@@ -18,7 +18,7 @@ fn scene(width: usize, height: usize, low: f64, top: f64) -> Vec<f64> {
     (0..width * height).map(ramp).collect()
 }
 
-/// Photographs of a scene in several exposures, as an 8-bit camera with this curve takes them.
+/// Photographs of a scene in several exposures by an 8-bit camera with this curve.
 struct Bracket<'a> {
     light: &'a [f64],
     width: usize,
@@ -64,12 +64,12 @@ fn a_bracket_of_known_response_is_right_to_its_rounding() {
     let options = Options { align: Align::Off, ..Options::default() };
     let report = reconstruct(dir.path(), &out, &options, &Silent).unwrap();
     let merged = channel(&out, "hdr.exr", "Y");
-    // Covered: at least a fourth of white in the longest exposure, and below white in the shortest.
+    // Restricted to light of at least a quarter of white in the longest exposure, and below white in the shortest.
     let off = error(&merged, &light, |l| l > 0.25);
     println!("RMS {:.4} %, {report:?}", 100.0 * off);
     assert!(off < 0.004, "{off}");
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
-    // The variance says what the error is.
+    // The variance predicts the error.
     let variance = channel(&out, "variance.exr", "Y");
     let ratio = merged.iter().zip(&light).zip(&variance).filter(|((_, l), _)| **l > 0.25);
     let (sum, n) =
@@ -81,7 +81,7 @@ fn a_bracket_of_known_response_is_right_to_its_rounding() {
 #[test]
 fn responses_are_recovered() {
     let srgb = |l: f64| if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
-    // A film-like curve: a power law that bends over below white.
+    // A film-like curve: a power law with a shoulder below white.
     let film = |l: f64| (1.0 - (-2.5 * l.powf(0.6)).exp()) / (1.0 - (-2.5_f64).exp());
     let curves: [(&str, &dyn Fn(f64) -> f64); 4] =
         [("gamma 2.2", &|l| l.powf(1.0 / 2.2)), ("linear", &|l| l), ("sRGB", &srgb), ("film", &film)];
@@ -121,7 +121,7 @@ fn responses_are_recovered() {
 #[test]
 fn noisy_cameras_are_recovered_from() {
     let light = scene(512, 128, 0.02, 250.0);
-    // Noise in codes over black, as photographs from JPEG have it.
+    // Noise in codes above black, as in JPEG photographs.
     for (black, noise) in [(0.0, 0.5), (0.0, 1.5), (5.0, 0.0), (5.0, 1.5)] {
         let dir = tempfile::tempdir().unwrap();
         let mut normal = rand_free::Normal(3);
@@ -141,12 +141,12 @@ fn noisy_cameras_are_recovered_from() {
         let options = Options { align: Align::Off, ..Options::default() };
         let report = reconstruct(dir.path(), &out, &options, &Silent).unwrap();
         let merged = channel(&out, "hdr.exr", "Y");
-        // In the gauge of the merged light: rows are averaged, since noise is not what is tested.
+        // Relative to the merged light; rows are averaged, because noise is not tested here.
         let column = |x: usize| {
             let ratio = |y: usize| f64::from(merged[y * 512 + x]) / light[y * 512 + x];
             (0..128).map(ratio).sum::<f64>() / 128.0
         };
-        // In the last columns noise saturates some pixels of every exposure.
+        // In the last columns, noise saturates some pixels of every exposure.
         let ratio: Vec<f64> = (160..490).map(column).collect();
         let mean = ratio.iter().sum::<f64>() / ratio.len() as f64;
         let worst = ratio.iter().map(|r| (r / mean - 1.0).abs()).fold(0.0, f64::max);
@@ -198,7 +198,7 @@ fn a_wrong_time_and_a_wrong_response_are_noticed() {
     std::fs::write(&path, text.replace("0.0625", "0.07")).unwrap();
     let options = Options { align: Align::Off, ..Options::default() };
     let report = reconstruct(dir.path(), &dir.path().join("time"), &options, &Silent).unwrap();
-    // 1/16 s was said to be 0.07 s.
+    // 1/16 s, stated as 0.07 s.
     let gain = report.frames[2].gain.unwrap()[0];
     assert!((gain - 0.0625 / 0.07).abs() < 0.02, "{gain}");
     assert!(report.warnings.iter().any(|w| w.contains("2.png") && w.contains("darker")), "{:?}", report.warnings);
@@ -243,12 +243,12 @@ fn shot_noise_is_weighted_without_bias() {
         let said = all.iter().map(|i| f64::from(variance[*i])).sum::<f64>() / n;
         let off = (mean - truth) / (scatter / n).sqrt();
         println!("{truth}: mean {mean:.6} off {off:.1} sigma, variance {:.2} of the scatter", said / scatter);
-        // A tenth of a standard deviation of one pixel; of the mean it is many.
+        // A tenth of a pixel's standard deviation, which is many standard deviations of the mean.
         assert!((mean - truth).abs() < 0.1 * scatter.sqrt(), "{truth}: {mean}");
         assert!((0.8..1.25).contains(&(said / scatter)), "{truth}: {said} {scatter}");
     }
     assert!(report.chi2.is_some_and(|c| (0.8..1.25).contains(&c)), "{:?}", report.chi2);
-    // Neither exposure is brighter than it should be, though most of the light is lost in noise.
+    // Neither exposure is reported as too bright, although noise exceeds most of the light.
     for gain in report.frames.iter().filter_map(|f| f.gain) {
         assert!((gain[0] - 1.0).abs() < 5.0 * gain[1].max(2e-3), "{gain:?}");
     }
@@ -260,7 +260,7 @@ fn light_that_is_subtracted_leaves_its_noise() {
     let (width, height, full, light) = (256, 128, 2000.0_f64, 0.05);
     let mut normal = rand_free::Normal(11);
     let times = [1.0, 0.25_f64];
-    // Ambient light is five times what is measured, and falls off over the image.
+    // Ambient light is five times the measured light, and varies over the image.
     let ambient = |i: usize| 0.25 * (i % width) as f64 / width as f64;
     let mut write = |name: String, electrons: &dyn Fn(usize) -> f64| {
         let mut code = |i: usize| {
@@ -291,7 +291,7 @@ fn light_that_is_subtracted_leaves_its_noise() {
     assert!(report.chi2.is_some_and(|c| (0.8..1.25).contains(&c)), "{:?}", report.chi2);
 }
 
-/// Normal numbers from a seed.
+/// Normal deviates from a seed.
 mod rand_free {
     pub struct Normal(pub u64);
 
@@ -307,7 +307,8 @@ mod rand_free {
     }
 }
 
-/// Twelve bits in files of sixteen: the value that they clip at is named with the flag that sets it, and then masked.
+/// 12-bit data in 16-bit files: the warning names the clipping value and the flag that sets it; pixels at that value
+/// are then masked.
 #[test]
 fn photographs_that_clip_below_white_are_named_until_white_is_given() {
     let dir = tempfile::tempdir().unwrap();
@@ -335,7 +336,7 @@ fn photographs_that_clip_below_white_are_named_until_white_is_given() {
     assert!(refused.contains("--white") && refused.contains("not above black"), "{refused}");
 }
 
-/// A photograph by itself: what its file states against the reading is a warning, as for sets.
+/// A single photograph: contradictions between its file's statements and the options are warnings, as for sets.
 #[test]
 fn statements_of_a_single_photograph_are_warnings() {
     let dir = tempfile::tempdir().unwrap();
@@ -344,7 +345,7 @@ fn statements_of_a_single_photograph_are_warnings() {
     let source = || Source::find(&path, &Silent).unwrap();
     assert!(source().warnings(Transfer::Linear).is_empty());
     let file = std::fs::read(&path).unwrap();
-    // Behind the header: a chunk that says sRGB, with its checksum.
+    // After the header: an sRGB chunk with its checksum.
     let stated = [&file[..33], b"\0\0\0\x01sRGB\0\xae\xce\x1c\xe9", &file[33..]].concat();
     std::fs::write(&path, stated).unwrap();
     let warnings = source().warnings(Transfer::Linear);

@@ -1,38 +1,38 @@
-//! One pixel, or a row of them, from all photographs.
+//! Combination of single pixels and rows over all photographs.
 
-/// Standard deviation over the median absolute deviation of a normal distribution.
+/// Ratio of standard deviation to median absolute deviation of a normal distribution.
 const OF_MAD: f32 = 1.4826;
 
-/// Least standard deviation in steps of the code: that of rounded values of which half are equal.
+/// Minimum standard deviation in quantisation steps: that of rounded values of which half are equal.
 const LEAST_STEPS: f32 = 0.75;
 
-/// Pixels on either side in the order of brightness whose median standard deviation is the least one of a pixel: few values can agree by
-/// chance, and noise depends on brightness.
+/// Number of neighbours on either side in order of brightness. Their median standard deviation is the lower bound for a
+/// pixel, because few values can agree by chance and noise depends on brightness.
 const ALIKE: usize = 16;
 
-/// Fewer values show no outlier.
+/// Minimum number of values for outlier detection.
 const LEAST_VALUES: usize = 4;
 
-/// Rounds of clipping; each uses the values that the last one kept.
+/// Number of clipping iterations; each uses the values kept by the previous one.
 const ROUNDS: usize = 5;
 
 /// A pixel of the stack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pixel {
-    /// Mean of the values that were kept; NaN without any.
+    /// Mean of the kept values; NaN without any.
     pub mean: f32,
-    /// Their median.
+    /// Median of the kept values.
     pub median: f32,
-    /// Their standard deviation, that of one photograph; NaN where one was kept.
+    /// Standard deviation of the kept values, thus of one photograph; NaN for a single value.
     pub sigma: f32,
-    /// Number of values that were kept.
+    /// Number of kept values.
     pub kept: u32,
     /// Number of finite values.
     pub given: u32,
 }
 
-/// A row: `photographs[k][x]` becomes `row[x]`. Values further than `clip` standard deviations from the median are rejected; `step` is the
-/// distance of two codes, 0 for floating-point files.
+/// Combines a row: `photographs[k][x]` becomes `row[x]`. Values more than `clip` standard deviations from the median
+/// are rejected; `step` is the quantisation step, 0 for floating-point files.
 pub fn row(photographs: &[Vec<f32>], clip: Option<f64>, step: f32) -> Vec<Pixel> {
     let columns = photographs.first().map_or(0, Vec::len);
     let mut values: Vec<Vec<f32>> = (0..columns)
@@ -52,7 +52,7 @@ pub fn row(photographs: &[Vec<f32>], clip: Option<f64>, step: f32) -> Vec<Pixel>
     values.iter().zip(given).map(|(v, given)| pixel(v, given)).collect()
 }
 
-/// For each pixel the median standard deviation of those that are about as bright.
+/// For each pixel, the median standard deviation of pixels of similar brightness.
 fn of_alike_pixels(values: &[Vec<f32>]) -> Vec<f32> {
     let mut order: Vec<usize> = (0..values.len()).filter(|x| values[*x].len() >= LEAST_VALUES).collect();
     let middles: Vec<f32> = values.iter().map(|v| median(v)).collect();
@@ -67,7 +67,7 @@ fn of_alike_pixels(values: &[Vec<f32>]) -> Vec<f32> {
     least
 }
 
-/// Values without outliers; they are sorted, so that outliers are at the ends.
+/// Values without outliers; the input is sorted, so outliers are at its ends.
 fn clipped(values: &[f32], clip: f32, least: f32) -> &[f32] {
     let mut kept = values;
     for _ in 0..ROUNDS {
@@ -95,7 +95,7 @@ fn median(sorted: &[f32]) -> f32 {
     }
 }
 
-/// Standard deviation of sorted values, of which up to half may be outliers.
+/// Standard deviation of sorted values; robust for up to half outliers.
 fn robust(sorted: &[f32]) -> f32 {
     let middle = median(sorted);
     let mut away: Vec<f32> = sorted.iter().map(|v| (v - middle).abs()).collect();

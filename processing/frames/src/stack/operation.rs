@@ -1,4 +1,4 @@
-//! The operation: photographs in, maps and a report out.
+//! The operation `stack`: photographs in, maps and a report out.
 
 use super::combine::{self, Pixel};
 use nacre_base::estimate::Work;
@@ -17,10 +17,10 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Rows that are combined at a time.
+/// Number of rows combined together.
 const ROWS: usize = 16;
 
-/// Part of the values that is brighter than white in the picture.
+/// Fraction of the values above white in the picture.
 const BRIGHTER: f64 = 0.001;
 
 /// Combine photographs of one view into their mean, median and standard deviation, without outliers.
@@ -40,8 +40,8 @@ were kept), mean.png and report.json, in the units of the files: no transfer fun
 pub struct Options {
     /// Outliers: values further from the median of their pixel than this many robust standard deviations, or off.
     ///
-    /// The standard deviation follows from the median absolute deviation, and is at least the median one of pixels in the row that are about as
-    /// bright. Series of fewer than four photographs show no outliers.
+    /// The standard deviation follows from the median absolute deviation, and is at least the median one of pixels in
+    /// the row that are about as bright. Series of fewer than four photographs show no outliers.
     #[schemars(extend("x-placeholder" = "off|N", "x-unset" = "off"), range(min = 1, max = 100))]
     pub clip_sigma: Option<f64>,
 }
@@ -58,7 +58,7 @@ impl Default for Options {
 pub struct Report {
     /// Always `stack`.
     pub method: &'static str,
-    /// What to know before trusting the result.
+    /// Limitations of the result.
     pub warnings: Vec<String>,
     /// Pixels of a row.
     pub width: usize,
@@ -68,13 +68,13 @@ pub struct Report {
     pub channels: usize,
     /// Number of photographs.
     pub photographs: usize,
-    /// Share of values that were rejected.
+    /// Fraction of rejected values.
     pub rejected: f64,
-    /// Median standard deviation of one photograph, in units of the files.
+    /// Median standard deviation of one photograph, in file units.
     pub sigma: Option<f64>,
-    /// Standard error of a typical mean, in units of the files (measured).
+    /// Measured standard error of a typical mean, in file units.
     pub error_estimate: Option<f64>,
-    /// Seconds spent.
+    /// Computation time in seconds.
     pub seconds: f64,
 }
 
@@ -97,7 +97,7 @@ impl Operation for Options {
         let work = Work {
             operation: Self::NAME.into(),
             seconds: 0.05 + 4e-8 * (samples * files.len() as u64) as f64,
-            // A pixel's results are 20 bytes; its mean is sorted and coded for the picture.
+            // Results take 20 bytes per pixel; the mean is sorted and encoded for the picture.
             memory_bytes: budget::decoded(header) + 28 * samples,
             disk_bytes: 16 * samples,
             ..Work::default()
@@ -133,7 +133,7 @@ impl Operation for Options {
 }
 
 impl Options {
-    /// All pixels and channels, as they lie in the photographs.
+    /// All pixels and channels, in the order of the photographs.
     fn combined(&self, spool: &Spool, first: Info, progress: &dyn Progress) -> Result<Vec<Pixel>> {
         let step = if first.depth == Depth::F32 { 0.0 } else { 1.0 };
         progress.stage("combining", first.height.div_ceil(ROWS) as u64);
@@ -158,7 +158,7 @@ fn numbers(raster: &Raster) -> Box<dyn Iterator<Item = f32> + '_> {
     }
 }
 
-/// Reads all photographs, which have to be alike.
+/// Reads all photographs, which must agree in size and depth.
 fn spooled(files: &[PathBuf], first: Info, progress: &dyn Progress) -> Result<Spool> {
     progress.stage("reading", files.len() as u64);
     let mut spool = Spool::new(first.width * first.channels);
@@ -175,7 +175,7 @@ fn spooled(files: &[PathBuf], first: Info, progress: &dyn Progress) -> Result<Sp
     Ok(spool)
 }
 
-/// A map: file name, units, and the value of a pixel.
+/// A map: file name, unit, and value of a pixel.
 type Map = (&'static str, &'static str, fn(&Pixel) -> f32);
 
 /// Writes the maps and the picture.

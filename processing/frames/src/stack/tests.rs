@@ -1,4 +1,4 @@
-//! Stacks of values that are known.
+//! Stacks of known values.
 
 use super::Options;
 use super::combine::row;
@@ -8,7 +8,7 @@ use nacre_base::random::Stream;
 use nacre_image::{read_exr, write_png16_gray};
 use std::path::Path;
 
-/// So many photographs of 40 × 30 pixels with normal noise of σ 20 about 1000, in which `spoiled` puts a value.
+/// Writes `count` photographs of 40 × 30 pixels with normal noise (σ 20) about 1000; `spoiled` replaces values.
 fn series(folder: &Path, count: usize, spoiled: impl Fn(usize, usize) -> Option<u16>) {
     let mut stream = Stream::of(5);
     let mut normal = || (-2.0 * (1.0 - stream.next()).ln()).sqrt() * (std::f64::consts::TAU * stream.next()).cos();
@@ -29,14 +29,14 @@ fn noise_is_measured_and_outliers_are_rejected() {
         let mean = read_exr(&out.join("mean.exr")).unwrap().channels["Y"].clone();
         let kept = read_exr(&out.join("kept.exr")).unwrap().channels["Y"].clone();
         let error = 20.0 / (count as f32).sqrt();
-        // Six standard errors: one mean in 10⁹ is further off.
+        // Six standard errors, exceeded with a probability of about 10⁻⁹.
         assert!(mean.iter().all(|v| (v - 1000.0).abs() < 6.0 * error), "{count}");
         let spoiled = (0..1200).filter(|i| i % 7 == 0).count() as f64;
         assert!((0..1200).filter(|i| i % 7 == 0).all(|i| kept[i] < count as f32));
-        // Of six photographs 0.15 % of the sound values are rejected.
+        // Clipping rejects 0.15 % of the valid values of six photographs.
         let rejected = report.rejected * 1200.0 * count as f64;
         assert!(rejected < spoiled + 0.005 * 1200.0 * count as f64, "{count}: {rejected} {spoiled}");
-        // The median standard deviation of six normal values is 0.93 of theirs.
+        // The median standard deviation of six normal values is 0.93 of the true one.
         let sigma = report.sigma.unwrap();
         assert!((sigma / 20.0 - 1.0).abs() < 0.1, "{count}: {sigma}");
     }

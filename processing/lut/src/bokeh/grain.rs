@@ -1,29 +1,29 @@
-//! The noise of a photograph, from the photograph itself.
+//! Noise estimation from a single photograph.
 //!
-//! Fourth differences along both axes leave almost nothing of a blurred image (of lines 9 pixels apart 3e-3 of their contrast) and all
-//! of white noise. Their median, in parts of the photograph of one brightness each, says how noise grows with light. Noise that
-//! neighbouring pixels share, as after interpolated colours or JPEG, looks smaller than it is.
+//! Fourth differences along both axes suppress a blurred image (3e-3 of the contrast of lines 9 pixels apart) and keep
+//! white noise. Their median absolute value, in classes of equal brightness, gives the noise as a function of light.
+//! Noise correlated between neighbours, as after demosaicing or JPEG compression, is underestimated.
 
 use super::deconvolution::Noise;
 
-/// Parts by brightness.
+/// Number of brightness classes.
 const PARTS: usize = 16;
 
-/// Differences in a part, at least.
+/// Minimum number of differences per class.
 const ENOUGH: usize = 64;
 
-/// Fourth difference; its square sums up to 70 along each axis.
+/// Fourth difference; its squares sum to 70 along each axis.
 const TAPS: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
 const POWER: f64 = 70.0;
 
-/// Median of the magnitude of a normal deviate.
+/// Median absolute value of a standard normal deviate.
 const MEDIAN: f64 = 0.674_49;
 
-/// Most places that are looked at.
+/// Maximum number of sampled positions.
 const LOOKED_AT: usize = 1 << 17;
 
-/// The noise, or nothing where too little is known. `step` is the distance of two codes: rounding makes noise even where the
-/// median sees none.
+/// Estimates the noise; `None` with too few known pixels. `step` is the quantisation step: rounding causes noise even
+/// where the median is zero.
 pub(super) fn noise(light: &[f32], width: usize, height: usize, step: f64) -> Option<Noise> {
     let mut places = differences(light, width, height);
     let parts = (places.len() / ENOUGH).min(PARTS);
@@ -43,7 +43,7 @@ pub(super) fn noise(light: &[f32], width: usize, height: usize, step: f64) -> Op
     Some(line(&parts, rounding))
 }
 
-/// Mean light and difference of places that are evenly spread.
+/// Mean light and fourth difference at evenly spaced positions.
 fn differences(light: &[f32], width: usize, height: usize) -> Vec<[f64; 2]> {
     if width < 5 || height < 5 {
         return vec![];
@@ -65,8 +65,8 @@ fn differences(light: &[f32], width: usize, height: usize) -> Vec<[f64; 2]> {
     (0..all).step_by(every).map(one).filter(|p| p[0].is_finite()).collect()
 }
 
-/// Variance against light as a straight line that does not fall and is nowhere below `least`; each part is trusted in proportion to
-/// what it says.
+/// Fits variance against light by a straight line with non-negative slope and values of at least `least`. Relative
+/// errors of all classes have equal weight.
 fn line(parts: &[[f64; 2]], least: f64) -> Noise {
     let floor = least.max(1e-14);
     let [mut s, mut sx, mut sy, mut sxx, mut sxy] = [0.0; 5];
@@ -80,7 +80,7 @@ fn line(parts: &[[f64; 2]], least: f64) -> Noise {
     if rest >= floor {
         return Noise { shot: slope, floor: rest };
     }
-    // Through the least there is.
+    // Constrained to the minimal variance at zero light.
     Noise { shot: ((sxy - floor * sx) / sxx.max(f64::MIN_POSITIVE)).max(0.0), floor }
 }
 

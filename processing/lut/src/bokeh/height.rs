@@ -1,29 +1,30 @@
-//! Light as height: dark is deep (2017 paper, section 5), by a straight line that a known grating tells (its Eq. 27).
+//! Conversion of light to height: dark is deep (2017 paper, section 5), along a straight line calibrated with a known
+//! grating (Eq. 27).
 
 use super::period::Lines;
 use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Shares of the pixels that are lower than height 0 and than height 1 where nothing is calibrated.
+/// Quantiles of the light that map to relative heights 0 and 1 without a calibration.
 const ENDS: [f64; 2] = [0.001, 0.999];
 
-/// Phases, and shares of the period that are high, that are tried for a known grating.
+/// Number of phases, and of duty cycles, tried for a known grating.
 const PHASES: usize = 360;
 const DUTIES: usize = 25;
 
-/// A straight line from light to height: `height = gain_um · (light / mean light - offset)`.
+/// Linear relation of light and height: `height = gain_um · (light / mean light - offset)`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     /// Height in µm per mean light of the photograph, above 0: dark is deep.
     pub gain_um: f64,
-    /// Light, relative to the photograph's mean, of height 0.
+    /// Light at height 0, relative to the photograph's mean.
     pub offset: f64,
-    /// Root mean square in µm of what the known grating's profile is off by.
+    /// Root mean square deviation from the known grating's profile, in µm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rmse_um: Option<f64>,
-    /// The known grating it comes from.
+    /// The known grating of the calibration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grating: Option<KnownGrating>,
 }
@@ -34,13 +35,13 @@ pub struct Calibration {
 pub enum Shape {
     /// A sinusoid.
     Sinusoid,
-    /// Up at once and down evenly, or the other way round.
+    /// Sawtooth: a vertical step and a linear slope, in either direction.
     Blazed,
-    /// High over a share of the period that is found, low over the rest.
+    /// Rectangular profile; the duty cycle is fitted.
     Rectangular,
 }
 
-/// A grating whose profile is known.
+/// A grating with a known profile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KnownGrating {
@@ -51,7 +52,7 @@ pub struct KnownGrating {
 }
 
 impl Calibration {
-    /// Refuses a gain of no height.
+    /// Rejects an invalid gain.
     ///
     /// # Errors
     /// `Input`.
@@ -66,11 +67,11 @@ impl Calibration {
         Err(Error::input("calibration", problem, "give the calibration.json of an earlier result with a known grating"))
     }
 
-    /// The straight line that takes a slice, relative to the photograph's mean light, closest to a known profile (2017 paper, Eq. 27), over
-    /// all phases and, where the shape leaves them open, directions and shares.
+    /// Fits the line that maps a slice, relative to the photograph's mean light, to a known profile (2017 paper, Eq.
+    /// 27). The fit covers all phases and, depending on the shape, directions and duty cycles.
     ///
     /// # Errors
-    /// `Input` for a depth that makes no sense, and where light does not follow the profile.
+    /// `Input` for an invalid depth, and if light does not follow the profile.
     pub(super) fn of_known(values: &[f64], lines: &Lines, grating: KnownGrating) -> Result<Self> {
         let bad = |problem: &str, remedy: &str| Error::input("known grating", problem, remedy);
         if !(grating.depth_um > 0.0 && grating.depth_um <= 1000.0) {
@@ -93,7 +94,7 @@ impl Calibration {
 }
 
 impl KnownGrating {
-    /// Heights in µm over one period, for every direction and share.
+    /// Heights in µm over one period, for every direction and duty cycle.
     fn profiles(&self) -> Vec<Vec<f64>> {
         let depth = self.depth_um;
         let over = |of: &dyn Fn(f64) -> f64| -> Vec<f64> {
@@ -110,7 +111,7 @@ impl KnownGrating {
     }
 }
 
-/// Gain, offset and root mean square error of the phase that fits best with a gain above 0.
+/// Gain, offset and root mean square residual at the best phase with a positive gain.
 fn closest(values: &[f64], period: f64, profile: &[f64]) -> Option<[f64; 3]> {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -130,7 +131,7 @@ fn closest(values: &[f64], period: f64, profile: &[f64]) -> Option<[f64; 3]> {
     (0..PHASES).filter_map(at).min_by(|a, b| a[2].total_cmp(&b[2]))
 }
 
-/// Light of relative heights 0 and 1.
+/// Light at relative heights 0 and 1.
 pub(super) fn ends(light: &[f32]) -> [f64; 2] {
     let step = (light.len() >> 20).max(1);
     let mut known: Vec<f32> = light.iter().step_by(step).copied().filter(|v| v.is_finite()).collect();
@@ -161,7 +162,7 @@ mod tests {
             let values: Vec<f64> = (0..500).map(light).collect();
             let found = Calibration::of_known(&values, &lines(&values).unwrap(), grating).unwrap();
             assert!((found.gain_um / 0.5 - 1.0).abs() < 0.02 && (found.offset - 0.7).abs() < 0.02, "{found:?}");
-            // One sample of 500 may lie on the other side of a steep edge.
+            // One of 500 samples may lie on the wrong side of a steep edge.
             let most = if shape == Shape::Sinusoid { 0.01 } else { (1.01_f64 / 500.0).sqrt() };
             assert!(found.rmse_um.unwrap() < most * 0.4, "{found:?}");
         }

@@ -1,16 +1,16 @@
-//! What a lens lets through.
+//! Resolution limits of a lens.
 
 use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A lens and how far it is from the sample.
+/// A lens and its distance from the sample.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Lens {
     /// Focal length of the lens in mm.
     pub focal_mm: f64,
-    /// f-number: focal length over the diameter of the aperture.
+    /// f-number: focal length over aperture diameter.
     #[schemars(extend("x-flag" = "f-number"))]
     pub f_number: f64,
     /// Distance from the aperture to the sample in m.
@@ -18,25 +18,24 @@ pub struct Lens {
     pub distance_m: f64,
 }
 
-/// The finest that gets through a lens.
+/// Resolution limits of a lens.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Cutoff {
-    /// Numerical aperture on the side of the sample.
+    /// Numerical aperture on the sample side.
     pub numerical_aperture: f64,
     /// Wavelength in nm.
     pub wavelength_nm: f64,
-    /// Period in µm below which nothing gets through, however the sample is lit: λ / (2 NA), the limit of incoherent light (Abbe 1873).
+    /// Shortest resolvable period in µm under any illumination: λ / (2 NA), the incoherent limit (Abbe 1873).
     pub period_um: f64,
-    /// Period in µm down to which lines get through under a single distant light straight behind the camera: λ / NA, the limit of
-    /// coherent light.
+    /// Shortest resolvable period in µm under a single distant light on the camera axis: λ / NA, the coherent limit.
     pub coherent_period_um: f64,
 }
 
 impl Lens {
-    /// Its limits at a wavelength.
+    /// Computes the limits at a wavelength in nm.
     ///
     /// # Errors
-    /// `Input` for numbers that make no sense.
+    /// `Input` for invalid parameters.
     pub fn cutoff(&self, wavelength_nm: f64) -> Result<Cutoff> {
         let checked = [
             ("--lens-focal-mm", self.focal_mm, 0.1, 1e5),
@@ -62,7 +61,7 @@ impl Lens {
 }
 
 impl Cutoff {
-    /// Refuses a period that the lens cannot have shown.
+    /// Rejects a period below the resolution limit.
     ///
     /// # Errors
     /// `Input`, with the reason.
@@ -89,7 +88,7 @@ mod tests {
         let cutoff = lens.cutoff(500.0).unwrap();
         assert!((cutoff.numerical_aperture - 0.02625).abs() < 1e-4, "{cutoff:?}");
         assert!((cutoff.period_um - 9.52).abs() < 0.02 && cutoff.coherent_period_um == 2.0 * cutoff.period_um);
-        // The paper's grating of 600 lines per mm.
+        // The paper's grating with 600 lines per mm.
         let said = cutoff.check(1.0 / 0.6, "--lines-per-mm").unwrap_err().to_string();
         assert!(said.contains("1.667 µm") && said.contains("9.52 µm"), "{said}");
         assert!(cutoff.check(10.0, "").is_ok());

@@ -1,7 +1,8 @@
 //! Bokeh photographs: an out-of-focus highlight on a grating shows the grating's lines (2017 paper, section 5).
 //!
-//! The photograph is deconvolved with what the lens makes of a point, dark is taken for deep, and lines along a slice are counted and
-//! measured as a row of slits. What the lens cannot have shown is refused.
+//! The photograph is deconvolved with the point spread function of the lens, and light is converted to height (dark is
+//! deep). Lines along a slice are counted and measured as a row of slits. Periods below the resolution limit of the
+//! lens are rejected.
 
 pub mod deconvolution;
 mod grain;

@@ -1,4 +1,4 @@
-//! What a user chooses about a bokeh photograph.
+//! Options of the bokeh reconstruction.
 
 use super::deconvolution::{Iterations, Noise, Psf};
 use super::grain;
@@ -19,10 +19,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Pixels across that a slice is the mean of, unless asked for.
+/// Default width in pixels over which a slice is averaged.
 pub const SLICE_WIDTH: usize = 15;
 
-/// Wavelength of blue light, unless said, in nm.
+/// Default wavelength in nm (blue light).
 const BLUE_NM: f64 = 450.0;
 
 /// The point spread function of the lens.
@@ -169,7 +169,7 @@ impl Operation for Options {
 }
 
 impl Options {
-    /// Everything else as the program does it by itself.
+    /// Options with default values.
     pub fn new(psf: PsfChoice) -> Self {
         Self {
             psf,
@@ -191,10 +191,10 @@ impl Options {
         }
     }
 
-    /// Refuses what makes no sense before anything is read; what the lens lets through.
+    /// Validates the options before any file is read; returns the resolution limits of the lens.
     ///
     /// # Errors
-    /// `Input`, which names the option.
+    /// `Input`, naming the option.
     pub fn check(&self) -> Result<Option<Cutoff>> {
         let bad = |name: &str, value: f64, wanted: &str| {
             Err(Error::input(name, format!("is {value}; expected {wanted}"), "correct it"))
@@ -254,7 +254,7 @@ impl Options {
         }
     }
 
-    /// The noise and whether it was given.
+    /// The noise model, and whether it was given rather than estimated.
     pub(super) fn noise(&self, photograph: &Photograph) -> Option<(Noise, bool)> {
         match self.noise {
             Some(model) => {

@@ -1,4 +1,4 @@
-//! What a bokeh photograph showed, and what of it the reader must know.
+//! Results of a bokeh photograph, and warnings about them.
 
 use super::deconvolution::{Deconvolved, Iterations};
 use super::height::Calibration;
@@ -13,29 +13,29 @@ use super::slits::Slits;
 use super::turn::Map;
 use std::path::Path;
 
-/// Misfit over what noise alone leaves that is warned of.
+/// Ratio of misfit to its expected value above which a warning is issued.
 const UNEXPLAINED: f64 = 1.1;
 
-/// Iterations, accelerated and plain, that are warned of.
+/// Numbers of accelerated and of plain iterations above which a warning is issued.
 const MANY: usize = 150;
 const MANY_PLAIN: usize = 450;
 
-/// Angle of a slice to the direction across the lines that is warned of, in degrees.
+/// Angle in degrees between slice and grating vector above which a warning is issued.
 const TILTED: f64 = 3.0;
 
-/// Everything that was found out.
+/// All results of the reconstruction.
 pub(super) struct Outcome {
-    /// The result, cropped and turned.
+    /// Deconvolved photograph, cropped and rotated.
     pub map: Map,
     pub sharp: Deconvolved,
     /// Mean light of the result.
     pub mean: f64,
-    /// Pixels that were not known.
+    /// Number of unknown pixels.
     pub unknown: usize,
     pub slice: Option<Slice>,
     pub lines: Option<Lines>,
     pub slits: Option<Slits>,
-    /// Factor of distances along the slice to get those across the lines.
+    /// Projection factor from distances along the slice to distances across the lines.
     pub across: f64,
     pub scale: Scale,
     pub cutoff: Option<Cutoff>,
@@ -187,7 +187,7 @@ impl Outcome {
         })
     }
 
-    /// Height of light.
+    /// Conversion from light to height.
     pub(super) fn height(&self) -> impl Fn(f64) -> f64 {
         let [low, high] = super::height::ends(&self.map.values);
         let (calibration, mean) = (self.calibration.clone(), self.mean);

@@ -4,9 +4,10 @@ use super::outcome::Outcome;
 use nacre_base::Result;
 use nacre_image::{Attribute, OutputFolder, scalar_picture, write_exr};
 
-/// Writes `deconvolved.exr`, `height.exr`, their pictures, `slice.csv`, and `calibration.json` where one was made.
+/// Writes `deconvolved.exr`, `height.exr`, their pictures, `slice.csv`, and `calibration.json` if a calibration was
+/// made.
 ///
-/// Pictures have a scale bar where the size of a pixel is known.
+/// Pictures have a scale bar if the pixel size is known.
 pub(super) fn write(folder: &OutputFolder, outcome: &Outcome, scale_bar: bool) -> Result<()> {
     let map = &outcome.map;
     let height = outcome.height();

@@ -1,37 +1,38 @@
-//! Counting lines: the strongest frequency along a slice.
+//! Line counting: the strongest frequency along a slice.
 
 use num_complex::Complex64;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
-/// Multiples of the frequency that belong to the lines rather than to the noise.
+/// Number of harmonics attributed to the lines rather than to noise.
 const HARMONICS: usize = 8;
 
-/// Amplitude of the lines over its standard deviation, at least.
+/// Minimum ratio of the amplitude of the lines to its standard deviation.
 const CLEAR: f64 = 6.0;
 
-/// Periods in a slice, at least; fewer are not told from its unevenness.
+/// Minimum number of periods in a slice; fewer cannot be distinguished from uneven lighting.
 const FEWEST: f64 = 2.5;
 
-/// Lines along a slice.
+/// Periodic lines along a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Lines {
-    /// Distance of two lines along the slice, in pixels, and its standard deviation.
+    /// Period along the slice in pixels, and its standard deviation.
     pub period_px: [f64; 2],
-    /// Lines that the slice crosses.
+    /// Number of lines that the slice crosses.
     pub count: f64,
     /// Amplitude of the fundamental, in units of light.
     pub amplitude: f64,
-    /// Phase of the fundamental at the slice's first sample: light is `amplitude · cos(2π x / period + phase)`.
+    /// Phase of the fundamental at the first sample: light is `amplitude · cos(2π x / period + phase)`.
     #[serde(skip)]
     pub phase: f64,
 }
 
-/// Finds lines; none where nothing stands out from the rest.
+/// Finds lines; `None` without a significant peak.
 ///
-/// The slice's windowed (Hann) spectrum is searched for its peak, which is then refined without a grid. The standard deviation is Cramér
-/// and Rao's bound for a sinusoid in white noise, with what the harmonics leave over taken for noise.
+/// Searches the slice's windowed (Hann) spectrum for its peak and refines the frequency continuously. The standard
+/// deviation is the Cramér-Rao bound of a sinusoid in white noise, with the residual after subtraction of all harmonics
+/// as noise.
 pub(super) fn lines(values: &[f64]) -> Option<Lines> {
     let n = values.len();
     let straight = detrended(values);
@@ -41,7 +42,7 @@ pub(super) fn lines(values: &[f64]) -> Option<Lines> {
         let turned = |(i, (v, w)): (usize, (&f64, &f64))| Complex64::from_polar(v * w, -TAU * frequency * i as f64);
         straight.iter().zip(&window).enumerate().map(turned).sum::<Complex64>() * (2.0 / total)
     };
-    // Four points for each that a slice of this length can tell apart.
+    // Four grid points per resolvable frequency step of a slice of this length.
     let step = 0.25 / n as f64;
     let first = (FEWEST / n as f64 / step).ceil() as usize;
     let last = (0.5 / step) as usize;
@@ -58,7 +59,7 @@ pub(super) fn lines(values: &[f64]) -> Option<Lines> {
     if !(amplitude > CLEAR * noise * (2.0 * 1.5 / n as f64).sqrt() && amplitude > 1e-12) {
         return None;
     }
-    // Frequency in cycles per sample; the window costs a factor of about 1.5 in variance.
+    // Frequency in cycles per sample; the window increases the variance by a factor of about 1.5.
     let sigma = (1.5 * 24.0 * (noise / amplitude).powi(2) / (n as f64).powi(3)).sqrt() / TAU;
     let period = 1.0 / frequency;
     Some(Lines {
@@ -69,7 +70,7 @@ pub(super) fn lines(values: &[f64]) -> Option<Lines> {
     })
 }
 
-/// Without mean and slope.
+/// Subtracts mean and slope.
 fn detrended(values: &[f64]) -> Vec<f64> {
     let n = values.len() as f64;
     let middle = 0.5 * (n - 1.0);
@@ -82,7 +83,7 @@ fn detrended(values: &[f64]) -> Vec<f64> {
     values.iter().enumerate().map(|(i, v)| v - mean - across / square * (i as f64 - middle)).collect()
 }
 
-/// Where a function with one peak is highest (golden section).
+/// Maximum of a unimodal function (golden-section search).
 fn highest(of: &dyn Fn(f64) -> f64, mut from: f64, mut to: f64) -> f64 {
     let ratio = 0.5 * (5_f64.sqrt() - 1.0);
     for _ in 0..60 {
@@ -92,7 +93,7 @@ fn highest(of: &dyn Fn(f64) -> f64, mut from: f64, mut to: f64) -> f64 {
     0.5 * (from + to)
 }
 
-/// Standard deviation of what harmonics do not explain.
+/// Standard deviation of the residual after subtraction of the harmonics.
 fn left_over(values: &[f64], frequency: f64) -> f64 {
     let n = values.len() as f64;
     let mut left = values.to_vec();

@@ -1,4 +1,4 @@
-//! A photograph as light, cut to what is of interest.
+//! A photograph as linear light, cropped.
 
 use nacre_base::{Error, Result};
 use nacre_frames::Transfer;
@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Which light of a colour photograph is taken; a grey one has only one.
+/// Channel taken from a colour photograph; a grey one has a single channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(rename = "BokehLight")]
@@ -16,7 +16,7 @@ pub enum Light {
     Red,
     /// The green channel.
     Green,
-    /// The blue channel, whose short waves show the finest detail (2017 paper, section 5).
+    /// The blue channel; its short wavelengths resolve the finest detail (2017 paper, section 5).
     #[default]
     Blue,
     /// Relative luminance of linear sRGB (IEC 61966-2-1).
@@ -34,25 +34,25 @@ impl Light {
     }
 }
 
-/// A part of a photograph, in pixels of it: column and row of the upper left corner, width, height.
+/// A region of a photograph in pixels: column and row of the upper left corner, width, height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Crop(pub [usize; 4]);
 
-/// Light of a photograph; white is 1.
+/// Linear light of a photograph, relative to white.
 #[derive(Clone, Debug)]
 pub(super) struct Photograph {
     pub width: usize,
     pub height: usize,
-    /// NaN where saturated or not known.
+    /// NaN where saturated or unknown.
     pub light: Vec<f32>,
-    /// Distance of two codes at the mean light; 0 for floating point.
+    /// Quantisation step at the mean light; 0 for floating-point files.
     pub step: f64,
 }
 
 /// Reads a photograph.
 ///
 /// # Errors
-/// `Input` for a file that cannot be read, a transfer that is not known, and a part that is not inside.
+/// `Input` for an unreadable file, an unknown transfer function, and a region outside the photograph.
 pub(super) fn photograph(path: &Path, light: Light, transfer: Transfer, crop: Option<Crop>) -> Result<Photograph> {
     transfer.check_known()?;
     let raster = read(path)?;
@@ -78,7 +78,7 @@ pub(super) fn photograph(path: &Path, light: Light, transfer: Transfer, crop: Op
     Ok(Photograph { width: w, height: h, light, step })
 }
 
-/// Distance in light of two codes at the mean light; 0 for floating point.
+/// Quantisation step of the light at its mean; 0 for floating-point files.
 fn step(light: &[f32], depth: Depth, transfer: Transfer) -> f64 {
     if depth == Depth::F32 {
         return 0.0;

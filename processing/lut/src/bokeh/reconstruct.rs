@@ -1,4 +1,4 @@
-//! The whole job: a bokeh photograph to a height map, a slice, slits and a report in a new folder.
+//! Reconstruction of a bokeh photograph: height map, slice, slits and report in a new folder.
 
 use super::deconvolution::{Deconvolved, Image, Iterations, Method, deconvolve};
 use super::height::Calibration;
@@ -22,7 +22,7 @@ use nacre_image::budget;
 use std::path::Path;
 use std::time::Instant;
 
-/// What [`reconstruct`] needs. Refuses what it would refuse, by the header of the photograph.
+/// Predicts the work of [`reconstruct`] and rejects invalid input by the header of the photograph.
 ///
 /// # Errors
 /// As [`reconstruct`].
@@ -32,19 +32,20 @@ pub(super) fn check_input(input: &Path, options: &Options) -> Result<Work> {
     Source::check(input, budget::Operation::Bokeh { part, iterations: options.iterations.usual() })
 }
 
-/// Deconvolves the photograph `input` is or holds (exposures are merged first) and writes what it shows into the new folder `out`.
+/// Deconvolves the photograph at `input` (a series of exposures is merged first) and writes the results into the new
+/// folder `out`.
 ///
-/// The photograph is deconvolved as it was taken and turned afterwards, since turning first would mix the noise of neighbours.
-/// Memory: nine floats per pixel.
+/// Rotation follows deconvolution, because interpolation would correlate the noise of neighbouring pixels. Memory: nine
+/// floats per pixel.
 ///
 /// # Errors
-/// `Input` for anything about the photograph and the options, before anything is written, and where the lens cannot have shown the
-/// period that is found; `Output` when writing fails, after which nothing is left behind; `Cancelled`.
+/// `Input` for an invalid photograph or option, before anything is written, and for a measured period below the lens's
+/// resolution limit. `Output` if writing fails; the partial folder is then removed. `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
     perform(options, input, out, false, progress)
 }
 
-/// Deconvolves, and writes what is found into a folder.
+/// Deconvolves the photograph and writes the results into a folder.
 pub(super) fn sharpen_into(
     folder: &OutputFolder,
     input: &Path,
@@ -85,28 +86,28 @@ pub(super) fn sharpen_into(
     Ok(report)
 }
 
-/// What the deconvolved photograph shows.
+/// Measures the deconvolved photograph.
 fn measured(photograph: &Photograph, sharp: Deconvolved, cutoff: Option<Cutoff>, options: &Options) -> Result<Outcome> {
     let unknown = photograph.light.iter().filter(|v| !v.is_finite()).count();
     let n = sharp.light.len();
     let mean = sharp.light.iter().map(|v| f64::from(*v)).sum::<f64>() / n as f64;
     let map = Map { width: photograph.width, height: photograph.height, values: sharp.light.clone() };
     let mut map = map.turned(options.rotate_deg);
-    // Between pixels the interpolation may swing below the least there is.
+    // Cubic interpolation can undershoot below zero.
     map.values.iter_mut().for_each(|v| *v = if v.is_nan() { *v } else { v.max(0.0) });
     let slice = match options.slice {
         Some(line) => Some(slice(&map, line, options.slice_width)?),
-        // What nobody asked for may be too small for one.
+        // A default slice may not fit into a small image, which is no error.
         None => slice(&map, Line::middle(&map), options.slice_width).ok(),
     };
     let values = slice.as_ref().map(|s| s.bridged());
     let lines = values.as_ref().and_then(|v| lines(v));
-    // Slits in the photograph itself, as soft as it shows them: deconvolution makes bright ones narrower.
+    // Slits are fitted to the blurred photograph: deconvolution would narrow bright slits.
     let soft = Map { width: photograph.width, height: photograph.height, values: photograph.light.clone() }
         .turned(options.rotate_deg);
     let soft = slice.as_ref().and_then(|s| super::slice::slice(&soft, s.line, options.slice_width).ok());
     let slits = soft.zip(lines).and_then(|(soft, lines)| slits(&soft.bridged(), &lines));
-    // Across the lines, which the slice may not be.
+    // The slice may be oblique to the lines; this factor corrects its distances.
     let across = slice.as_ref().map_or(1.0, |s| s.tilt_deg.to_radians().cos());
     let scale = scale(options, lines, slice.as_ref().map(|s| s.light.len()), across)?;
     if let (Some(cutoff), Some(um), Some(lines)) = (cutoff, scale.pixel_um, lines) {
@@ -126,7 +127,7 @@ fn measured(photograph: &Photograph, sharp: Deconvolved, cutoff: Option<Cutoff>,
     Ok(Outcome { map, sharp, mean, unknown, slice, lines, slits, across, scale, cutoff, calibration })
 }
 
-/// Size of a pixel, as far as it is known.
+/// Pixel size on the sample, if known.
 fn scale(options: &Options, lines: Option<Lines>, samples: Option<usize>, across: f64) -> Result<Scale> {
     let (per_mm, count) = match options.scale {
         KnownScale::Unknown => return Ok(Scale { pixel_um: None, sigma_um: None, source: "unknown" }),

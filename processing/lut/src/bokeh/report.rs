@@ -13,77 +13,77 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Result, in words and numbers.
+/// Results of a bokeh reconstruction.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "BokehReport")]
 pub struct Report {
     /// Always `bokeh`.
     pub method: &'static str,
-    /// What the reader must know before trusting the result. Empty when there is nothing.
+    /// Limitations of the result; empty if none is known.
     pub warnings: Vec<String>,
-    /// The photograph.
+    /// Description of the photograph.
     pub photograph: String,
-    /// The light that was taken.
+    /// Channel of the photograph.
     pub channel: Light,
-    /// Part of the photograph that was taken.
+    /// Region of the photograph; `None` for all of it.
     pub crop: Option<Crop>,
-    /// By how much the result was turned, anticlockwise.
+    /// Rotation of the result in degrees, anticlockwise.
     pub rotate_deg: f64,
-    /// Pixels of a row of the result.
+    /// Width of the result in pixels.
     pub width: usize,
-    /// Its rows.
+    /// Height of the result in pixels.
     pub height: usize,
-    /// How exposures were merged, where the photograph was made of some.
+    /// Report on merging, for a series of exposures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub merged: Option<hdr::Report>,
-    /// Pixels of the part that were saturated or not known; their light is a guess from around them.
+    /// Number of saturated or unknown pixels in the region; their light is extrapolated from their surroundings.
     pub unknown_pixels: usize,
-    /// The point spread function: `Gaussian, σ 2.5 px` or its file.
+    /// Point spread function: `Gaussian, σ 2.5 px`, or its file.
     pub psf: String,
-    /// The deconvolution.
+    /// Convergence of the deconvolution.
     pub deconvolution: Deconvolution,
-    /// Size of a pixel on the sample.
+    /// Pixel size on the sample.
     pub scale: Scale,
-    /// What the lens lets through; none where the lens was not told.
+    /// Resolution limits of the lens; `None` without lens data.
     pub cutoff: Option<Cutoff>,
-    /// The slice.
+    /// Position of the slice.
     pub slice: SliceReport,
-    /// Lines along the slice; none where there are none.
+    /// Lines along the slice; `None` if no period is significant.
     pub lines: Option<LinesReport>,
-    /// The slice through the photograph, before deconvolution, as a row of slits; none where that comes to nothing.
+    /// Slits fitted to the slice through the photograph before deconvolution; `None` if the fit fails.
     pub slits: Option<SlitsReport>,
-    /// Heights.
+    /// Height scale.
     pub heights: Heights,
-    /// Seconds spent.
+    /// Computation times.
     pub seconds: Seconds,
 }
 
-/// How the deconvolution went.
+/// Convergence of the deconvolution.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Deconvolution {
-    /// Iterations that were done.
+    /// Number of iterations.
     pub iterations: usize,
-    /// Whether the number was chosen from the noise.
+    /// True if the stopping rule chose the number.
     pub auto: bool,
-    /// Whether they ended because another one would have fitted more noise than structure; true for a number that was asked for.
+    /// True if the stopping rule ended the iterations; always true for a fixed number.
     pub converged: bool,
-    /// Whether they were accelerated.
+    /// True if the iterations were accelerated.
     pub accelerated: bool,
-    /// Variance of the noise of light `v` (white is 1): `shot · v + floor`; none where too little is known.
+    /// Noise model: variance `shot · v + floor` of light `v` (white is 1); `None` with too few known pixels.
     pub noise: Option<NoiseReport>,
-    /// Mean squared misfit over the variance of the noise, before the last iteration.
+    /// Mean squared residual over noise variance, before the last iteration.
     pub misfit: Option<f64>,
-    /// What noise alone would leave of it.
+    /// Expected value of `misfit` for pure noise.
     pub expected: Option<f64>,
 }
 
-/// Noise and where it comes from.
+/// Noise model and its source.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "BokehNoiseReport")]
 pub struct NoiseReport {
     /// Variance per unit of light.
     pub shot: f64,
-    /// Variance in the dark.
+    /// Variance at zero light.
     pub floor: f64,
     /// `given`, or `estimated` from the photograph.
     pub source: &'static str,
@@ -95,70 +95,70 @@ impl NoiseReport {
     }
 }
 
-/// Size of a pixel on the sample.
+/// Pixel size on the sample.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Scale {
-    /// In µm; none where nobody knows.
+    /// Pixel size in µm; `None` if unknown.
     pub pixel_um: Option<f64>,
-    /// Its standard deviation, from counting lines.
+    /// Standard deviation of the pixel size in µm, from counted lines.
     pub sigma_um: Option<f64>,
-    /// `given`, `counted lines` or `unknown`.
+    /// Source of the pixel size: `given`, `counted lines` or `unknown`.
     pub source: &'static str,
 }
 
-/// Where the slice is.
+/// Position of the slice.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct SliceReport {
-    /// From and to, in pixels of the result.
+    /// End points in pixels of the result.
     pub line: Line,
-    /// Pixels across that each sample is the mean of.
+    /// Width in pixels over which each sample is averaged.
     pub width_px: usize,
-    /// Angle from the slice to the direction across the lines, anticlockwise.
+    /// Angle in degrees from the slice to the grating vector, anticlockwise.
     pub tilt_deg: f64,
 }
 
 /// Lines along the slice.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct LinesReport {
-    /// In pixels.
+    /// Period and phase in pixels.
     #[serde(flatten)]
     pub lines: Lines,
-    /// Distance of two lines across them, in µm, where a pixel's size is known.
+    /// Period across the lines in µm, if the pixel size is known.
     pub period_um: Option<f64>,
 }
 
-/// Slits.
+/// Slits along the slice.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct SlitsReport {
-    /// In pixels.
+    /// Fitted parameters in pixels.
     #[serde(flatten)]
     pub slits: Slits,
-    /// Spacing and width across the slits, in µm, where a pixel's size is known.
+    /// Spacing across the slits in µm and its standard deviation, if the pixel size is known.
     pub spacing_um: Option<[f64; 2]>,
-    /// See `spacing_um`.
+    /// Slit width in µm and its standard deviation, if the pixel size is known.
     pub width_um: Option<[f64; 2]>,
 }
 
-/// What heights are.
+/// Height scale.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Heights {
-    /// `µm`, or `relative`: 0 for light that 0.1 % of the pixels are below, 1 for light that 0.1 % are above.
+    /// `µm`, or `relative`: 0 and 1 are the 0.1 % and 99.9 % quantiles of the light.
     pub unit: &'static str,
-    /// Mean light of the result, which a calibration relates to.
+    /// Mean light of the result, to which a calibration refers.
     pub mean_light: f64,
-    /// The calibration that was used or made.
+    /// Calibration that was used or made.
     pub calibration: Option<Calibration>,
 }
 
-/// What took how long.
+/// Computation times in seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 #[schemars(rename = "BokehSeconds")]
 pub struct Seconds {
     /// Reading.
     pub read: f64,
-    /// Deconvolving.
+    /// Deconvolution.
     pub deconvolve: f64,
-    /// Everything.
+    /// Total.
     pub total: f64,
 }
 

@@ -1,35 +1,35 @@
-//! Light along a line through an image.
+//! Light profile along a line through an image.
 
 use super::turn::Map;
 use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Offsets across a derivative and their weights.
+/// Scharr's derivative filter: transverse offsets and their weights.
 const SCHARR: [[f64; 2]; 3] = [[-1.0, 3.0], [0.0, 10.0], [1.0, 3.0]];
 
-/// Least number of samples of a slice.
+/// Minimum number of samples of a slice.
 const SHORTEST: usize = 8;
 
-/// A line in an image, from one point to another (columns and rows, in pixels; pixel centres are at integers).
+/// A line segment in an image: columns and rows of its end points in pixels; pixel centres are at integers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Line(pub [f64; 4]);
 
 /// Light along a line, one sample per pixel of its length.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Slice {
-    /// Mean over the width; NaN where nothing is known.
+    /// Mean over the width; NaN where unknown.
     pub light: Vec<f64>,
-    /// Standard error of that mean from the scatter across.
+    /// Standard error of that mean, from the scatter across the width.
     pub sigma: Vec<f64>,
     pub line: Line,
     pub width: usize,
-    /// Angle in degrees, -90 to 90, from the line to the direction in which light changes most, anticlockwise.
+    /// Angle in degrees, -90 to 90, from the line to the direction of strongest change of light, anticlockwise.
     pub tilt_deg: f64,
 }
 
 impl Line {
-    /// Across the middle of an image.
+    /// Horizontal line through the centre of an image.
     pub(super) fn middle(map: &Map) -> Self {
         let row = 0.5 * (map.height - 1) as f64;
         Self([0.0, row, (map.width - 1) as f64, row])
@@ -41,10 +41,10 @@ impl Line {
     }
 }
 
-/// Samples along a line, each the mean over `width` pixels across.
+/// Samples the light along a line; each sample is the mean over `width` pixels across it.
 ///
 /// # Errors
-/// `Input` for a line that is too short or not in the image.
+/// `Input` for a line that is too short or outside of the image.
 pub(super) fn slice(map: &Map, line: Line, width: usize) -> Result<Slice> {
     let Line([x0, y0, x1, y1]) = line;
     let bad = |problem: String, remedy: &str| Err(Error::input("--slice", problem, remedy));
@@ -68,7 +68,7 @@ pub(super) fn slice(map: &Map, line: Line, width: usize) -> Result<Slice> {
     let mut light = Vec::with_capacity(count);
     let mut sigma = Vec::with_capacity(count);
     let change = |[a, o]: [f64; 2], [da, d_o]: [f64; 2]| f64::from(point(a + da, o + d_o) - point(a - da, o - d_o));
-    // Structure tensor: where light changes along, across and both.
+    // Structure tensor of the light in coordinates along and across the line.
     let [mut aa, mut bb, mut ab] = [0.0; 3];
     for i in 0..count {
         let along = i as f64;
@@ -79,7 +79,7 @@ pub(super) fn slice(map: &Map, line: Line, width: usize) -> Result<Slice> {
         light.push(mean);
         sigma.push((variance / n).sqrt());
         for o in &offsets {
-            // Scharr's derivatives (2000) err least about their direction.
+            // Scharr's filter (2000) has the smallest error of direction.
             let a: f64 = SCHARR.iter().map(|[d, w]| w * change([along, o + d], [1.0, 0.0])).sum();
             let b: f64 = SCHARR.iter().map(|[d, w]| w * change([along + d, *o], [0.0, 1.0])).sum();
             if (a * b).is_finite() {
@@ -90,13 +90,13 @@ pub(super) fn slice(map: &Map, line: Line, width: usize) -> Result<Slice> {
     if light.iter().filter(|v| v.is_finite()).count() < SHORTEST {
         return bad("crosses hardly anything that is known".into(), "give another one");
     }
-    // Rows grow downwards.
+    // Rows grow downwards, hence the sign.
     let tilt_deg = -(0.5 * (2.0 * ab).atan2(aa - bb)).to_degrees();
     Ok(Slice { light, sigma, line, width: offsets.len(), tilt_deg })
 }
 
 impl Slice {
-    /// Samples with what is not known bridged, for transforms.
+    /// Samples with unknown values interpolated, as a Fourier transform requires.
     pub(super) fn bridged(&self) -> Vec<f64> {
         let mut values = self.light.clone();
         let known: Vec<usize> = (0..values.len()).filter(|i| values[*i].is_finite()).collect();
@@ -113,7 +113,7 @@ impl Slice {
         values
     }
 
-    /// As a table: position in pixels, and in µm where a pixel's size is known, light, its standard error, height.
+    /// CSV table: position in pixels and, if the pixel size is known, in µm; light; its standard error; height.
     pub(super) fn csv(&self, pixel_um: Option<f64>, height: &dyn Fn(f64) -> f64) -> String {
         use std::fmt::Write;
         let mut text = String::from("position_px,position_um,light,light_sigma,height\n");

@@ -1,5 +1,5 @@
-//! A slice as a row of slits: how many, how wide and how far apart (2017 paper, section 6.1). Their edges are soft, so that
-//! slits are fitted to a photograph as the lens blurred it, which leaves their width at half height where it is.
+//! Fit of a row of slits to a slice: number, width and spacing (2017 paper, section 6.1). Slit edges are blurred by a
+//! Gaussian, so that the blurred photograph can be fitted without bias in the full width at half maximum.
 
 use super::period::Lines;
 use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
@@ -7,31 +7,31 @@ use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Parameters: dark, bright, middle of a slit, distance, width, softness.
+/// Parameters: dark level, bright level, centre of a slit, spacing, width, softness.
 const N: usize = 6;
 type Values = SVector<f64, N>;
 
-/// Steps of the fit, at most.
+/// Maximum number of fit steps.
 const STEPS: usize = 100;
 
 /// Slits fitted to a slice, with standard deviations; lengths in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Slits {
-    /// Bright slits whose middle is in the slice and whose light is more than half way from dark to bright.
+    /// Number of bright slits whose centre lies in the slice and is more than half bright.
     pub count: usize,
-    /// Distance of two slits.
+    /// Distance of adjacent slits.
     pub spacing_px: [f64; 2],
-    /// Width of a slit, between half heights.
+    /// Full width of a slit at half maximum.
     pub width_px: [f64; 2],
-    /// Standard deviation of the Gaussian that softens their edges.
+    /// Standard deviation of the Gaussian blur of the edges.
     pub softness_px: [f64; 2],
-    /// Light between slits and in them.
+    /// Light between slits and in slits.
     pub light: [f64; 2],
-    /// Root mean square of what the fit leaves over, relative to the difference of the two.
+    /// Root mean square residual relative to the difference of these two.
     pub residual: f64,
 }
 
-/// Fits slits to a slice whose lines were found; none where the fit comes to nothing.
+/// Fits slits to a slice with detected lines; `None` if the fit fails.
 pub(super) fn slits(values: &[f64], lines: &Lines) -> Option<Slits> {
     let period = lines.period_px[0];
     let mut sorted = values.to_vec();
@@ -39,7 +39,7 @@ pub(super) fn slits(values: &[f64], lines: &Lines) -> Option<Slits> {
     let at = |share: f64| sorted[(share * (sorted.len() - 1) as f64) as usize];
     let (dark, bright) = (at(0.05), at(0.95));
     let lit = values.iter().filter(|v| **v > 0.5 * (dark + bright)).count() as f64 / values.len() as f64;
-    // The fundamental of a row of slits is brightest in their middle.
+    // The fundamental of a row of slits has its maximum at their centres.
     let middle = -lines.phase / std::f64::consts::TAU * period;
     let width = lit.clamp(0.15, 0.85) * period;
     let start = Values::from([dark, bright, middle, period, width, 0.1 * period]);
@@ -52,7 +52,7 @@ pub(super) fn slits(values: &[f64], lines: &Lines) -> Option<Slits> {
     let left: Vec<f64> = (0..values.len()).map(|i| values[i] - model(&found, i as f64)).collect();
     let n = values.len() as f64;
     let together = left.windows(2).map(|p| p[0] * p[1]).sum::<f64>() / square.max(f64::MIN_POSITIVE);
-    // Neighbours share what is left over: fewer samples than there are count.
+    // Correlated residuals reduce the effective number of samples.
     let inflation = ((1.0 + together) / (1.0 - together).max(0.02)).max(1.0);
     let variance = square / (n - N as f64) * inflation;
     let covariance = normal.try_inverse()? * variance;
@@ -72,7 +72,7 @@ pub(super) fn slits(values: &[f64], lines: &Lines) -> Option<Slits> {
     })
 }
 
-/// Light at a place: slits with soft edges, as far as they matter there.
+/// Light at a position: sum of the slits that contribute there.
 fn model(p: &Values, x: f64) -> f64 {
     let [dark, bright, middle, spacing, width, softness] = (*p).into();
     let nearest = ((x - middle) / spacing).round();
@@ -84,7 +84,7 @@ fn model(p: &Values, x: f64) -> f64 {
     dark + (bright - dark) * [-2.0, -1.0, 0.0, 1.0, 2.0].map(one).iter().sum::<f64>()
 }
 
-/// Derivatives of [`model`] by its parameters.
+/// Derivatives of [`model`] with respect to its parameters.
 fn slope(p: &Values, x: f64) -> Values {
     let [dark, bright, middle, spacing, width, softness] = (*p).into();
     let nearest = ((x - middle) / spacing).round();
@@ -114,10 +114,10 @@ fn slope(p: &Values, x: f64) -> Values {
     ])
 }
 
-/// Damping of the fit.
+/// Levenberg-Marquardt damping.
 const DAMPING: Damping = Damping { first: 1e-3, down: 0.3, least: 0.0, up: 10.0, most: 1e10 };
 
-/// The fit ends when the sum of squares falls by less than this part.
+/// Relative decrease of the sum of squares below which the fit has converged.
 const CONVERGED: f64 = 1e-10;
 
 /// Light along a line, one value per pixel.
@@ -164,7 +164,7 @@ impl Problem for Line<'_> {
     }
 }
 
-/// Least squares: the parameters, the normal matrix there, and the sum of squares.
+/// Least-squares fit: parameters, normal matrix at the minimum, and sum of squares.
 fn fit(values: &[f64], start: Values) -> Option<(Values, SMatrix<f64, N, N>, f64)> {
     let line = Line(values);
     let (p, best) = levenberg_marquardt(&line, (start, line.squares(&start)), DAMPING, STEPS).ok()?;
@@ -218,7 +218,7 @@ mod tests {
         let lit = |i: usize| if (105..310).contains(&i) { model(&truth, i as f64) } else { 0.1 };
         let values: Vec<f64> = (0..400).map(|i| lit(i) + 0.005 * noise(i)).collect();
         let found = lines(&values).and_then(|l| slits(&values, &l)).unwrap();
-        // Middles at 105, 125, … 305.
+        // Centres at 105, 125, … 305.
         assert!((10..=11).contains(&found.count), "{found:?}");
     }
 }

@@ -1,9 +1,9 @@
-//! Turning an image by any angle.
+//! Rotation of an image by any angle.
 
 use nacre_image::catmull_rom;
 use rayon::prelude::*;
 
-/// An image; NaN where nothing is known.
+/// An image; NaN where unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Map {
     pub width: usize,
@@ -12,8 +12,8 @@ pub(super) struct Map {
 }
 
 impl Map {
-    /// Turned anticlockwise by this angle in degrees, as large as it then needs to be; NaN where nothing comes to lie. Multiples of
-    /// 90° move pixels and change none.
+    /// Rotates anticlockwise by `degrees`, enlarging the image as needed; NaN outside of the original. Multiples of 90°
+    /// permute pixels exactly.
     pub(super) fn turned(&self, degrees: f64) -> Self {
         let quarters = degrees / 90.0;
         if quarters == quarters.round() {
@@ -25,7 +25,7 @@ impl Map {
         let height = (w * sin.abs() + h * cos.abs() - 1e-9).ceil().max(1.0) as usize;
         let middle = |size: usize| 0.5 * (size as f64 - 1.0);
         let at = |i: usize| {
-            // Right and down of the middle; turning back.
+            // Offset right of and below the centre, rotated back.
             let (x, y) = ((i % width) as f64 - middle(width), (i / width) as f64 - middle(height));
             self.at(middle(self.width) + x * cos - y * sin, middle(self.height) + x * sin + y * cos)
         };
@@ -38,10 +38,11 @@ impl Map {
         Self { width, height, values: (0..width * height).map(at).collect() }
     }
 
-    /// Value between pixels, by Catmull and Rom's cubic convolution (Keys 1981), linear in the outermost pixels; NaN outside.
+    /// Interpolated value: cubic convolution with the Catmull-Rom kernel (Keys 1981), linear in the outermost pixels;
+    /// NaN outside.
     pub(super) fn at(&self, x: f64, y: f64) -> f32 {
         let (last_x, last_y) = ((self.width - 1) as f64, (self.height - 1) as f64);
-        // Rounding must not lose what lies on the edge.
+        // Tolerance for rounding errors at the border.
         if !((-1e-6..=last_x + 1e-6).contains(&x) && (-1e-6..=last_y + 1e-6).contains(&y)) {
             return f32::NAN;
         }
@@ -49,7 +50,7 @@ impl Map {
         let mut sum = 0.0;
         for (j, wy) in wy.iter().enumerate().filter(|(_, w)| **w != 0.0) {
             for (i, wx) in wx.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-                // Weights of what is outside are 0.
+                // Taps outside of the image have zero weight.
                 let (column, row) = (x0 + i as i64, y0 + j as i64);
                 sum += wx * wy * f64::from(self.values[row as usize * self.width + column as usize]);
             }
@@ -58,7 +59,7 @@ impl Map {
     }
 }
 
-/// Position of the first of four pixels and their weights.
+/// Index of the first of four pixels, and the weights of all four.
 fn taps(at: f64, size: usize) -> (i64, [f64; 4]) {
     let at = at.clamp(0.0, (size - 1) as f64);
     let first = at.floor().min(size as f64 - 2.0).max(0.0);
@@ -84,7 +85,7 @@ mod tests {
     fn quarters_are_exact_and_anticlockwise() {
         let map = scene(3, 2, &|x, y| 3.0 * y + x);
         let turned = map.turned(90.0);
-        // The right column comes to lie on top.
+        // The right column becomes the top row.
         assert_eq!((turned.width, turned.height, turned.values), (2, 3, vec![2.0, 5.0, 1.0, 4.0, 0.0, 3.0]));
         assert_eq!(map.turned(-270.0), map.turned(90.0));
         assert_eq!(map.turned(180.0).values, [5.0, 4.0, 3.0, 2.0, 1.0, 0.0]);
@@ -107,7 +108,7 @@ mod tests {
             }
         }
         assert!(furthest < 2e-3 && (2200..2400).contains(&known), "{furthest} {known}");
-        // One pixel has no inside to fail in.
+        // A single pixel has no interior for interpolation.
         assert_eq!(scene(1, 1, &of).turned(33.0).width, 2);
     }
 }

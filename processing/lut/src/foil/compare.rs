@@ -1,18 +1,18 @@
-//! How alike two patterns are.
+//! Similarity of two diffraction patterns.
 
 use std::f64::consts::TAU;
 
-/// Light of a pattern by direction from its zero order, and by distance from it: both sum to 1.
+/// Angular and radial marginal distributions of a pattern's light about its zero order; each sums to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Marginals {
-    /// By angle, anticlockwise from right.
+    /// By angle, anticlockwise from the right.
     pub angular: Vec<f64>,
     /// By radius.
     pub radial: Vec<f64>,
 }
 
 impl Marginals {
-    /// Of a photograph (`width` pixels per row), about a place, between two radii in pixels. NaN counts as nothing.
+    /// Marginals of a photograph (`width` pixels per row) about a centre, between two radii in pixels. NaN counts as 0.
     pub fn of(light: &[f32], width: usize, [x, y]: [f64; 2], [from, to]: [f64; 2], bins: [usize; 2]) -> Self {
         let (mut angular, mut radial) = (vec![0.0; bins[0]], vec![0.0; bins[1]]);
         for (i, value) in light.iter().enumerate().filter(|(_, v)| v.is_finite()) {
@@ -33,7 +33,7 @@ impl Marginals {
     }
 }
 
-/// Half the sum of differences of two distributions that sum to 1: 0 for equal ones, 1 for such that have nothing in common.
+/// Total variation distance of two normalised distributions: 0 for equal ones, 1 for disjoint ones.
 pub fn total_variation(a: &[f64], b: &[f64]) -> f64 {
     0.5 * a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>()
 }

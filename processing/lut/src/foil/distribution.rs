@@ -1,40 +1,42 @@
-//! A joint histogram of orientations and periods.
+//! Joint histogram of orientation and period.
 
 use nacre_base::{Error, Result};
 use nacre_image::{Attribute, read_exr, write_exr, write_whole_with};
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// Most bins of either kind.
+/// Maximum number of bins along either axis.
 pub const MOST_BINS: usize = 2048;
 
-/// What part of the dots has which orientation and period. Bins are equally wide in orientation, and in lines per µm (1/period).
+/// Fraction of the dots per bin of orientation and period. Bins are equally wide in orientation and in line density
+/// (1/period).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Distribution {
-    /// Bins over [0, π).
+    /// Number of orientation bins over [0, π).
     pub orientations: usize,
-    /// Bins over the lines.
+    /// Number of line-density bins.
     pub periods: usize,
-    /// Least and most lines per µm.
+    /// Minimum and maximum line density per µm.
     pub lines_per_um: [f64; 2],
-    /// Part of all dots (by area) in each bin, by lines, then orientation: sums to 1.
+    /// Area fraction of the dots in each bin, by line density, then orientation; sums to 1.
     pub share: Vec<f64>,
-    /// Standard deviation of that; NaN where unknown.
+    /// Standard deviation of `share`; NaN where unknown.
     pub sigma: Vec<f64>,
-    /// 1 where the photograph shows the bin, from one side at least, 0 where it does not: the share there is unknown, and counted as none.
+    /// 1 if the photograph covers the bin on at least one side of the zero order, otherwise 0. Unknown shares are set
+    /// to 0.
     pub coverage: Vec<f64>,
-    /// Whether lengths are known up to a factor only.
+    /// True if lengths are known only up to a common factor.
     pub relative: bool,
 }
 
 impl Distribution {
-    /// Lines per µm at the lower edge of a bin.
+    /// Line density per µm at the lower edge of a bin.
     pub fn edge(&self, bin: usize) -> f64 {
         let [low, high] = self.lines_per_um;
         low + (high - low) * bin as f64 / self.periods as f64
     }
 
-    /// Bin of an orientation in rad and a period in µm; none outside.
+    /// Bin of an orientation in rad and a period in µm; `None` outside of the histogram.
     pub fn bin(&self, theta: f64, period_um: f64) -> Option<usize> {
         let [low, high] = self.lines_per_um;
         let row = (1.0 / period_um - low) / (high - low) * self.periods as f64;
@@ -43,17 +45,17 @@ impl Distribution {
         inside.then(|| row as usize * self.orientations + column.min(self.orientations - 1))
     }
 
-    /// Sum over periods, by orientation.
+    /// Marginal distribution of orientation.
     pub fn of_orientations(&self) -> Vec<f64> {
         (0..self.orientations).map(|c| self.share.iter().skip(c).step_by(self.orientations).sum()).collect()
     }
 
-    /// Sum over orientations, by period (longest first).
+    /// Marginal distribution of period, longest first.
     pub fn of_periods(&self) -> Vec<f64> {
         self.share.chunks(self.orientations).map(|row| row.iter().sum()).collect()
     }
 
-    /// Mean and standard deviation of the period in µm, by bins' middles.
+    /// Mean and standard deviation of the period in µm, from bin centres.
     pub fn period_um(&self) -> [f64; 2] {
         let middle = |k: usize| 2.0 / (self.edge(k) + self.edge(k + 1));
         let rows = self.of_periods();
@@ -62,10 +64,10 @@ impl Distribution {
         [mean, square.sqrt()]
     }
 
-    /// Writes it as an EXR: a row per bin of lines, a column per bin of orientation.
+    /// Writes the histogram as EXR: a row per line-density bin, a column per orientation bin.
     ///
     /// # Errors
-    /// `Output` when the system refuses.
+    /// `Output` if writing fails.
     pub fn write(&self, path: &Path) -> Result<()> {
         let about = "columns: orientation from 0 to pi; rows: lines per um from first to last";
         let mut attributes = vec![
@@ -92,10 +94,10 @@ impl Distribution {
         })
     }
 
-    /// Reads one.
+    /// Reads a histogram.
     ///
     /// # Errors
-    /// `Input` for what is none.
+    /// `Input` for any other file.
     pub fn read(path: &Path) -> Result<Self> {
         let remedy = "give a histogram.exr of `nacre reconstruct foil`";
         let mut exr = read_exr(path)?;

@@ -1,4 +1,4 @@
-//! The photograph.
+//! Input photograph of a foil.
 
 use super::measure::Light;
 use nacre_base::progress::Progress;
@@ -12,7 +12,7 @@ use std::path::Path;
 /// Reads linear light.
 ///
 /// # Errors
-/// `Input` for what is no photograph in linear light of the size that the geometry is for.
+/// `Input` unless the file is a photograph in linear light with the size of the geometry.
 pub(super) fn read_light(path: &Path, channel: Channel) -> Result<Light> {
     let exr = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
     if exr {
@@ -31,7 +31,8 @@ pub(super) fn read_light(path: &Path, channel: Channel) -> Result<Light> {
     Ok(Light { width: raster.width, height: raster.height, values })
 }
 
-/// Reads the photograph that `input` is or holds; merges exposures. With it come warnings about the photographs' files.
+/// Reads the photograph at `input`, after merging exposures if necessary. Also returns warnings about the photographs'
+/// files.
 ///
 /// # Errors
 /// `Input`; `Cancelled`.

@@ -1,4 +1,4 @@
-//! From light over a photograph to the share of each orientation and period.
+//! Conversion of a diffraction photograph to the distribution of orientation and period.
 
 use super::distribution::{Distribution, MOST_BINS};
 use super::report::Report;
@@ -11,26 +11,26 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A bin is at least so many pixels of the photograph wide, or noise and gaps would rule it.
+/// Minimum width of a bin in pixels of the photograph; narrower bins would be dominated by noise and gaps.
 const PIXELS_PER_BIN: f64 = 2.0;
 
-/// Bins that are dimmer than this part of all are taken for the background.
+/// Quantile of the bins whose light is taken as background.
 const DARKEST: f64 = 0.02;
 
-/// The zero order's glare is left out within so many of its radii.
+/// Radius of the excluded glare around the zero order, in radii of its lobe.
 const GLARE: f64 = 3.0;
 
-/// The zero order may be this far, in px, from where the geometry has it.
+/// Distance in pixels between measured and expected zero order above which a warning is issued.
 const ASTRAY: f64 = 5.0;
 
-/// Light of a photograph, linear; NaN where unknown (saturated).
+/// Linear light of a photograph; NaN where unknown (saturated).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
     /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// `width · height` values, row 0 on top.
+    /// `width · height` values, top row first.
     pub values: Vec<f32>,
 }
 
@@ -63,15 +63,16 @@ pub struct Settings {
     ///
     /// Without it, gratings count as shallow, and all light as first orders.
     pub depth_um: Option<f64>,
-    /// Height of the light above the foil in mm, for a geometry without a light: its position follows from the zero order.
+    /// Height of the light above the foil in mm, for a geometry without a light: its position follows from the zero
+    /// order.
     pub light_height_mm: Option<f64>,
 }
 
 impl Settings {
-    /// Refuses what makes no sense.
+    /// Validates the options.
     ///
     /// # Errors
-    /// `Input`, which names the setting.
+    /// `Input`, naming the option.
     pub fn check(&self) -> Result<()> {
         let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
         match self.period_um {
@@ -101,20 +102,20 @@ impl Settings {
     }
 }
 
-/// What a pixel tells.
+/// Measurement of one pixel.
 #[derive(Clone, Copy)]
 struct Sample {
-    /// Half vector.
+    /// Half vector ωi + ωo along the surface.
     half: [f64; 2],
-    /// Its area in half vectors.
+    /// Area of the pixel in half-vector space.
     area: f64,
     /// cos θi + cos θo.
     w: f64,
-    /// Light without cosine and inverse square.
+    /// Light, corrected for cosine and inverse-square falloff.
     light: f64,
 }
 
-/// Sums of a bin, over both signs of the half vector.
+/// Sums of a bin over both signs of the half vector.
 #[derive(Clone, Copy, Default)]
 struct Bin {
     area: f64,
@@ -124,10 +125,10 @@ struct Bin {
     pixels: f64,
 }
 
-/// Measures.
+/// Measures the distribution.
 ///
 /// # Errors
-/// `Input` for a geometry that lacks what is needed, and photographs without a pattern.
+/// `Input` for an incomplete geometry, and for photographs without a diffraction pattern.
 pub fn measure(light: &Light, geometry: &Geometry, settings: &Settings) -> Result<(Distribution, Report)> {
     settings.check()?;
     let mut report = Report { relative: geometry.relative, ..Report::default() };
@@ -156,7 +157,7 @@ pub fn measure(light: &Light, geometry: &Geometry, settings: &Settings) -> Resul
     Ok((distribution, report))
 }
 
-/// The light, checked against the zero order or placed by it; and up to which half vector there is glare.
+/// Position of the light, verified against the zero order or derived from it, and the half-vector radius of the glare.
 fn zero_order(light: &Light, geometry: &Geometry, settings: &Settings, report: &mut Report) -> Result<([f64; 3], f64)> {
     let found = lobe::find(&light.values, light.width, light.height, None);
     let source = match (geometry.light_mm, settings.light_height_mm, &found) {
@@ -190,7 +191,7 @@ fn zero_order(light: &Light, geometry: &Geometry, settings: &Settings, report: &
             .push(format!("the zero order was not found, so that the light's place is not checked: {problem}")),
         (Ok(_), None) => report.warnings.push("the zero order does not lie on the sample".into()),
     }
-    // In half vectors, from pixels beside it.
+    // Radius in half vectors, from the pixels at its rim.
     let place = found.as_ref().ok().map(|l| l.center).or(expected);
     let radius = found.as_ref().map_or(4.0, |l| (l.radius() as f64).max(2.0));
     let glare = place.map_or(0.0, |[x, y]| {
@@ -204,7 +205,7 @@ fn zero_order(light: &Light, geometry: &Geometry, settings: &Settings, report: &
     Ok((source, glare))
 }
 
-/// Pixel where the mirror image of the light is seen.
+/// Pixel of the light's mirror image.
 fn mirror(geometry: &Geometry, source: [f64; 3]) -> Option<[f64; 2]> {
     let viewer = geometry.viewer();
     let share = viewer[2] / (viewer[2] + source[2]);
@@ -236,7 +237,7 @@ fn samples(light: &Light, geometry: &Geometry, source: [f64; 3]) -> Vec<Sample> 
     (0..light.values.len()).into_par_iter().filter_map(one).collect()
 }
 
-/// The bins: as fine as pixels allow.
+/// The bins, as fine as the pixels allow.
 fn frame(samples: &[Sample], settings: &Settings, lambda: f64, glare: f64) -> Result<Distribution> {
     let reach = samples.iter().map(|s| s.half[0].hypot(s.half[1])).fold(0.0, f64::max);
     let [low, high] = settings.period_um.map_or([glare / lambda, reach / lambda], |[a, b]| [1.0 / b, 1.0 / a]);
@@ -263,12 +264,12 @@ fn frame(samples: &[Sample], settings: &Settings, lambda: f64, glare: f64) -> Re
     })
 }
 
-/// Share of the light in order n of a sinusoid, for w (2018 paper, Eq. 2, exact: Jn²).
+/// Efficiency of order n of a sinusoidal grating at w = cos θi + cos θo (2018 paper, Eq. 2, exact: Jn²).
 fn order(n: i32, depth_um: f64, w: f64, lambda: f64) -> f64 {
     libm::jn(n, PI * w * depth_um / lambda).powi(2)
 }
 
-/// Density of first orders over half vectors, up to a factor: by bin, NaN where nothing was seen.
+/// Relative density of first orders over half vectors, by bin; NaN for bins without pixels.
 fn density(bins: &[Bin], frame: &Distribution, settings: &Settings, lambda: f64, report: &mut Report) -> Vec<f64> {
     let raw: Vec<f64> = bins.iter().map(|b| if b.pixels > 0.0 { b.light / b.area } else { f64::NAN }).collect();
     let mut sorted: Vec<f64> = raw.iter().copied().filter(|v| v.is_finite()).collect();
@@ -277,7 +278,7 @@ fn density(bins: &[Bin], frame: &Distribution, settings: &Settings, lambda: f64,
     let top = sorted.last().copied().unwrap_or(0.0);
     report.background = if top > 0.0 { background / top } else { 0.0 };
     let mut density = vec![f64::NAN; raw.len()];
-    // From coarse lines to fine ones: higher orders of what came before are taken out.
+    // In order of increasing line density, so that second and third orders of coarser gratings can be subtracted.
     for row in 0..frame.periods {
         let lines = 0.5 * (frame.edge(row) + frame.edge(row + 1));
         for column in 0..frame.orientations {
@@ -304,7 +305,7 @@ fn density(bins: &[Bin], frame: &Distribution, settings: &Settings, lambda: f64,
     density
 }
 
-/// Density between rows, 0 where unknown.
+/// Density interpolated between rows; 0 where unknown.
 fn between(density: &[f64], frame: &Distribution, lines: f64, column: usize) -> f64 {
     let [low, high] = frame.lines_per_um;
     let place = (lines - low) / (high - low) * frame.periods as f64 - 0.5;
@@ -320,7 +321,7 @@ fn between(density: &[f64], frame: &Distribution, lines: f64, column: usize) -> 
     at(place.floor()) * (1.0 - share) + at(place.floor() + 1.0) * share
 }
 
-/// Shares that sum to 1.
+/// Normalises the density to shares that sum to 1.
 fn shares(
     mut frame: Distribution,
     bins: &[Bin],
@@ -343,7 +344,7 @@ fn shares(
             sum += frame.share[at];
             let raw = bin.light / bin.area;
             let scatter = (bin.square / bin.area - raw * raw).max(0.0).sqrt() / bin.pixels.sqrt();
-            // One pixel does not tell its scatter.
+            // The scatter of a bin is undefined for a single pixel.
             frame.sigma[at] = if bin.pixels > 1.0 && raw != 0.0 { scatter / raw * frame.share[at] } else { f64::NAN };
         }
     }
@@ -359,7 +360,7 @@ fn shares(
     Ok(frame)
 }
 
-/// What to beware of.
+/// Adds warnings about the limits of the measurement.
 fn judge(found: &Distribution, settings: &Settings, report: &mut Report) {
     let rows = found.of_periods();
     let median = median(rows.clone()).unwrap_or(0.0);

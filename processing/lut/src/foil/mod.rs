@@ -1,9 +1,10 @@
-//! Foil of random dots: how their gratings' orientations and periods are distributed, from one photograph, and new maps drawn from that
-//! (2018 paper, section 4.5).
+//! Random-dot foil: the distribution of grating orientation and period from one photograph, and synthesis of new maps
+//! from it (2018 paper, section 4.5).
 //!
-//! A pixel of the photograph sees many dots. Those whose grating vector is `k = (cos θ, sin θ)/a` light up in their first order where the
-//! half vector is `h = ±λ k`, so that radiance over half vectors is the density of dots over k, once irradiance and the orders' share of
-//! the light are taken out: with `p(θ, a)` the distribution, `q(k) = p(θ, a) a³`.
+//! Each pixel of the photograph integrates many dots. Dots with grating vector `k = (cos θ, sin θ)/a` diffract their
+//! first order at the half vector `h = ±λ k`. After correction for irradiance and diffraction efficiency, radiance over
+//! half vectors is therefore the density `q(k)` of dots over grating vectors, with `q(k) = p(θ, a) a³` for the
+//! distribution `p(θ, a)`.
 
 mod compare;
 mod distribution;
@@ -54,7 +55,7 @@ impl Operation for Settings {
     }
 }
 
-/// The geometry that was given, or lies beside the photograph.
+/// The given geometry, or the one beside the photograph.
 fn geometry_of(input: &Path, settings: &Settings) -> Result<Geometry> {
     let folder = if input.is_dir() { input } else { input.parent().unwrap_or(input) };
     if let Some(given) = &settings.geometry {
@@ -65,11 +66,11 @@ fn geometry_of(input: &Path, settings: &Settings) -> Result<Geometry> {
     })
 }
 
-/// Measures the distribution in a photograph (a file, results of merged exposures, or exposures, which are merged first) and writes it into
-/// the new folder `out`.
+/// Measures the distribution from a photograph (a file, merged exposures, or a series of exposures to merge first) and
+/// writes it into the new folder `out`.
 ///
 /// # Errors
-/// `Input` for anything about photograph, geometry or settings, before anything is written; `Output`; `Cancelled`.
+/// `Input` for an invalid photograph, geometry or option, before anything is written; `Output`; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     perform(settings, input, out, false, progress)
 }

@@ -1,12 +1,13 @@
-//! The histogram as a picture.
+//! Picture of the histogram.
 
 use super::distribution::Distribution;
 use nacre_image::{Canvas, scalar_picture};
 
-/// Pixels of the picture's histogram along each side, about.
+/// Approximate side of the drawn histogram in pixels.
 const SIDE: usize = 540;
 
-/// Orientation from 0° on the left to 180° on the right, longest periods on top; shares relative to a uniform distribution over the bins.
+/// Draws orientation from 0° (left) to 180° (right) and period from the longest (top). Colours show shares relative to
+/// a uniform distribution over the bins.
 pub fn picture(found: &Distribution, relative: bool) -> Canvas {
     let (w, h) = (found.orientations, found.periods);
     let zoom = [w, h].map(|n| (SIDE / n).max(1));

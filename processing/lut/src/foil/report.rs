@@ -1,32 +1,32 @@
-//! What a measurement says of itself.
+//! Report of a measurement.
 
 use nacre_base::operation::{Summary, lines};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// How the distribution was found, and what to beware of.
+/// Summary of the measured distribution, and warnings.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 #[schemars(rename = "FoilReport")]
 pub struct Report {
-    /// Bins of orientation and of lines.
+    /// Number of orientation and line-density bins.
     pub bins: [usize; 2],
-    /// Least and most lines per µm.
+    /// Minimum and maximum line density per µm.
     pub lines_per_um: [f64; 2],
     /// Mean and standard deviation of the period in µm.
     pub period_um: [f64; 2],
-    /// Whether periods are known up to a factor only.
+    /// True if periods are known only up to a common factor.
     pub relative: bool,
-    /// Part of the bins that the photograph shows.
+    /// Fraction of the bins covered by the photograph.
     pub covered: f64,
-    /// Light that was taken for background, of the brightest bin.
+    /// Background light relative to the brightest bin.
     pub background: f64,
-    /// Where the zero order was found, in px.
+    /// Measured position of the zero order in pixels.
     pub zero_order_px: Option<[f64; 2]>,
-    /// How far from where the geometry has it, in px.
+    /// Distance from the expected zero order in pixels.
     pub zero_order_off_px: Option<f64>,
-    /// What to beware of.
+    /// Limitations of the result.
     pub warnings: Vec<String>,
-    /// How long it took.
+    /// Computation time in seconds.
     pub seconds: f64,
 }
 

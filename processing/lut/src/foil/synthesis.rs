@@ -1,4 +1,4 @@
-//! The operation `synthesize`: a measured distribution in, maps of new foil out.
+//! The operation `synthesize`: maps of new foil from a measured distribution.
 
 use super::distribution::Distribution;
 use super::synthesize::{Dots, Made, Shape, synthesize};
@@ -16,13 +16,13 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Dot {
-    /// Squares side by side: their side in pixels.
+    /// Adjacent squares with this side in pixels.
     #[schemars(extend("x-flag" = "square-px", "x-bare" = 3))]
     Square(usize),
-    /// Discs anywhere: their diameter in pixels.
+    /// Randomly placed discs with this diameter in pixels.
     #[schemars(extend("x-flag" = "disc-px", "x-bare" = 7.5))]
     Disc(f64),
-    /// The bright half of a picture, anywhere.
+    /// Randomly placed copies of the bright part of a picture.
     #[schemars(extend("x-file" = true, "x-flag" = "mask", "x-placeholder" = "IMAGE"))]
     Mask(PathBuf),
 }
@@ -67,7 +67,7 @@ fn one() -> u64 {
     1
 }
 
-/// Report of new maps.
+/// Report of synthesized maps.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "SynthesizeReport")]
 pub struct SynthesisReport {

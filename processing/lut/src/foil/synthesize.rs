@@ -1,4 +1,4 @@
-//! New maps of dots whose orientations and periods are drawn from a distribution.
+//! Synthesis of dot maps with orientations and periods drawn from a distribution.
 
 use super::compare::total_variation;
 use super::distribution::Distribution;
@@ -11,27 +11,27 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// Most pixels of a map.
+/// Maximum number of pixels of a map.
 const MOST_PIXELS: usize = 64 << 20;
 
-/// Most dots.
+/// Maximum number of dots.
 const MOST_DOTS: usize = 16 << 20;
 
-/// Dots that are placed at random cover the area so many times over.
+/// Total area of randomly placed dots, relative to the area of the map.
 const OVER: f64 = 4.0;
 
-/// A shape of dots.
+/// Dot shape.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// Squares of this side in pixels, side by side.
+    /// Adjacent squares with this side in pixels.
     Square(usize),
-    /// Discs of this diameter in pixels, anywhere, later ones over earlier ones.
+    /// Randomly placed discs with this diameter in pixels; later ones cover earlier ones.
     Disc(f64),
-    /// Any shape: width, and which pixels belong to it, row by row; anywhere.
+    /// Any shape, randomly placed: width, and membership of each pixel, row by row.
     Mask(usize, Vec<bool>),
 }
 
-/// What is wanted.
+/// Parameters of the synthesis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dots {
     /// Width and height of the map in pixels.
@@ -40,15 +40,16 @@ pub struct Dots {
     pub pixel_um: f64,
     /// Shape of a dot.
     pub shape: Shape,
-    /// The same seed gives the same map.
+    /// Random seed; the same seed gives the same map.
     pub seed: u64,
 }
 
 impl Dots {
-    /// Time, memory and disk of drawing and writing them. Memory is measured at 4 and 16 Mpixel (32 bytes per pixel) and rounded up.
+    /// Predicted time, memory and disk space. Memory is measured at 4 and 16 Mpixel (32 bytes per pixel) and rounded
+    /// up.
     ///
     /// # Errors
-    /// `Input` for sizes and shapes that make no sense.
+    /// `Input` for invalid sizes and shapes.
     pub fn work(&self) -> Result<Work> {
         check(self)?;
         let pixels = self.size[0].saturating_mul(self.size[1]);
@@ -62,37 +63,37 @@ impl Dots {
     }
 }
 
-/// Maps, and how well they show the distribution.
+/// Synthesized maps, and their agreement with the distribution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Synthesis {
-    /// Orientations and periods; σ is 0, since they are chosen, not measured.
+    /// Orientations and periods; σ is 0, because values are prescribed, not measured.
     pub maps: Maps,
-    /// What was made.
+    /// Statistics of the synthesis.
     pub report: Made,
 }
 
-/// What was made.
+/// Statistics of a synthesis.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Made {
-    /// Dots that were drawn.
+    /// Number of drawn dots.
     pub dots: usize,
-    /// Total variation between the distribution and the map, by area: orientations, and periods.
+    /// Total variation distance between distribution and map, by area: orientation, and period.
     pub total_variation: [f64; 2],
-    /// What that was expected to be, for so many dots.
+    /// Expected total variation for this number of dots.
     pub expected: [f64; 2],
-    /// Part of the map that no dot covers.
+    /// Fraction of the map without a dot.
     pub bare: f64,
-    /// What to beware of.
+    /// Limitations of the result.
     pub warnings: Vec<String>,
 }
 
-/// Draws maps.
+/// Synthesizes maps.
 ///
-/// Dots are drawn in equal steps of the cumulated distribution and then shuffled, so that marginals come out nearer to it than
-/// independent draws would.
+/// Dots are drawn at equal steps of the cumulative distribution and then shuffled: marginals deviate less than with
+/// independent draws.
 ///
 /// # Errors
-/// `Input` for sizes and shapes that make no sense.
+/// `Input` for invalid sizes and shapes.
 pub fn synthesize(from: &Distribution, dots: &Dots) -> Result<Synthesis> {
     check(dots)?;
     let [width, height] = dots.size;
@@ -118,7 +119,7 @@ pub fn synthesize(from: &Distribution, dots: &Dots) -> Result<Synthesis> {
     ];
     let bare = 1.0 - covered / (width * height) as f64;
     let mut warnings = vec![];
-    // Dots that are partly covered count by what is left of them.
+    // Partly covered dots count with their visible area.
     let expected = [from.of_orientations(), from.of_periods()].map(|m| noise(&m, count as f64));
     if tv.iter().any(|t| *t > 0.05) {
         warnings.push(format!(
@@ -133,7 +134,7 @@ pub fn synthesize(from: &Distribution, dots: &Dots) -> Result<Synthesis> {
     Ok(Synthesis { maps, report: Made { dots: count, total_variation: tv, expected, bare, warnings } })
 }
 
-/// Total variation that so many independent draws have on average.
+/// Mean total variation of `dots` independent draws.
 fn noise(shares: &[f64], dots: f64) -> f64 {
     0.5 * shares.iter().map(|s| (2.0 * s * (1.0 - s) / (PI * dots)).max(0.0).sqrt()).sum::<f64>()
 }
@@ -165,7 +166,7 @@ fn check(dots: &Dots) -> Result<()> {
     }
 }
 
-/// Which dot each pixel belongs to, from 1 on (0: none), and how many there are.
+/// Index of the dot at each pixel, from 1 (0: none), and number of visible dots.
 fn placed(dots: &Dots, random: &mut Stream) -> (Vec<u32>, usize) {
     let [width, height] = dots.size;
     if let Shape::Square(side) = dots.shape {
@@ -186,14 +187,14 @@ fn placed(dots: &Dots, random: &mut Stream) -> (Vec<u32>, usize) {
     let count = ((OVER * (width * height) as f64 / area as f64).ceil() as usize).clamp(1, MOST_DOTS);
     let mut owner = vec![0; width * height];
     for dot in 1..=count {
-        // The map wraps around, so that copies fit side by side.
+        // Dots wrap around the borders, so that the map is tileable.
         let (left, top) = (random.below(width), random.below(height));
         for (k, _) in pixels.iter().enumerate().filter(|(_, lit)| **lit) {
             let (x, y) = ((left + k % wide) % width, (top + k / wide) % height);
             owner[y * width + x] = dot as u32;
         }
     }
-    // Number those that are to be seen, so that only they are drawn.
+    // Only visible dots are numbered, because only they are drawn.
     let mut number = vec![0_u32; count + 1];
     let mut seen = 0;
     for o in owner.iter_mut().filter(|o| **o > 0) {
@@ -207,7 +208,7 @@ fn placed(dots: &Dots, random: &mut Stream) -> (Vec<u32>, usize) {
     (owner, seen as usize)
 }
 
-/// Orientations (rad) and periods (µm), in random order.
+/// Orientations (rad) and periods (µm) in random order.
 fn draw(from: &Distribution, count: usize, random: &mut Stream) -> Vec<[f64; 2]> {
     let mut drawn = Vec::with_capacity(count);
     let (mut bin, mut sum) = (0, from.share[0]);
@@ -218,10 +219,10 @@ fn draw(from: &Distribution, count: usize, random: &mut Stream) -> Vec<[f64; 2]>
             bin += 1;
             sum += from.share[bin];
         }
-        // Rounding at the end must not draw from an empty bin.
+        // Rounding at the end of the cumulative distribution must not select an empty bin.
         let bin = if from.share[bin] > 0.0 { bin } else { from.share.iter().rposition(|s| *s > 0.0).unwrap_or(bin) };
         let theta = PI * ((bin % from.orientations) as f64 + random.next()) / from.orientations as f64;
-        // Even over the half vectors of the bin.
+        // Uniform in half vectors within the bin.
         let (a, b) = (from.edge(bin / from.orientations), from.edge(bin / from.orientations + 1));
         let lines = (a * a + random.next() * (b * b - a * a)).sqrt();
         drawn.push([theta, 1.0 / lines]);

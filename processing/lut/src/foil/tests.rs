@@ -2,7 +2,7 @@ use super::*;
 use nacre_maps::Kind;
 use std::f64::consts::PI;
 
-/// Periods that grow with the orientation, with some spread; nothing is known at the finest lines.
+/// Periods that grow with orientation, with some scatter; the highest line densities are unknown.
 fn spiral() -> Distribution {
     let (orientations, periods) = (60, 40);
     let mut found = Distribution {
@@ -64,23 +64,23 @@ fn maps_show_the_distribution_whatever_the_shape() {
         };
         assert!(bits(&made) == bits(&synthesize(&from, &dots).unwrap()));
         assert!(bits(&made) != bits(&synthesize(&from, &Dots { seed: 6, ..dots.clone() }).unwrap()));
-        // Counted anew, from the maps alone.
+        // The histogram of the maps is recomputed from the maps alone.
         let (theta, um) = (&maps.maps[&Kind::Orientation], &maps.maps[&Kind::Period]);
         let (mut share, known) = (vec![0.0; 60], theta.known() as f64);
         for i in (0..600 * 500).filter(|i| theta.mask[*i] > 0.0) {
             share[(f64::from(theta.value[i]) / PI * 60.0) as usize] += 1.0 / known;
-            // The spiral itself: periods follow orientations.
+            // The spiral: periods follow orientations.
             assert!((f64::from(um.value[i]) - 0.9 - 0.7 * f64::from(theta.value[i]) / PI).abs() < 0.4);
         }
         let off = total_variation(&share, &from.of_orientations());
         assert!((off - report.total_variation[0]).abs() < 1e-3, "{off} {report:?}");
         assert!(off < 0.05, "{shape:?} {off}");
-        // No worse than independent draws of as many dots, whose areas differ: by half again.
+        // Total variation at most 1.6 times that of independent draws, which allows for unequal dot areas.
         assert!(off < 1.6 * report.expected[0], "{shape:?} {report:?}");
         assert!(report.bare < 0.03, "{shape:?} {}", report.bare);
         assert_eq!(theta.mask, um.mask);
     }
-    // Squares are even: pixels of one have one orientation.
+    // Each square has a single orientation.
     let dots = Dots { size: [64, 64], pixel_um: 1.0, shape: Shape::Square(8), seed: 1 };
     let made = synthesize(&from, &dots).unwrap();
     let theta = &made.maps.maps[&Kind::Orientation].value;
@@ -113,7 +113,7 @@ fn what_makes_no_sense_is_refused() {
 
 #[test]
 fn marginals_are_about_the_zero_order() {
-    // All light at one place, 10 right of and 10 above the middle.
+    // All light in one pixel, 10 right of and 10 above the centre.
     let mut light = vec![0.0_f32; 101 * 101];
     light[40 * 101 + 60] = 3.0;
     light[0] = f32::NAN;

@@ -1,8 +1,9 @@
-//! Which method suits a sample that was photographed once, or of which there is a map of orientations.
+//! Recommendation of a method for a sample, from one photograph or an orientation map.
 //!
-//! Flash photographs need copies: each place of a tile must be seen under many half vectors, and only a tile that is repeated shows it so. And
-//! they need areas with one grating each, since neighbours vouch for each other. What is continuous, or there once, is for fringes on the panel
-//! (absolute periods, pixel by pixel) or polarization (orientations, any light).
+//! Flash photographs require copies: each position of a tile must be seen at many half vectors, which only a repeated
+//! tile provides. They also require areas with a single grating each, because neighbouring pixels confirm each other.
+//! Continuous or unique patterns suit fringes on the panel (absolute periods per pixel) or polarization (orientations
+//! under any light).
 
 mod repeats;
 mod windows;
@@ -18,22 +19,23 @@ use repeats::unevenness;
 use serde::Serialize;
 use std::path::Path;
 
-/// Longest side that is looked at, in pixels: repetition is coarse.
+/// Longest side in pixels for the analysis; repetition is a coarse structure.
 const LONGEST: usize = 640;
 
-/// Fewest copies for flash photographs: 30 under five lights leave few places unseen (the studies `flash` have them), a dozen take more lights.
+/// Minimum number of copies for flash photographs. 30 copies under five lights leave few positions unseen (studies
+/// `flash`); a dozen require more lights.
 const FEWEST: f64 = 12.0;
 
-/// Unevenness of slopes from which areas are even: smooth fields have 1.5 to 2, noise 2.
+/// Gradient kurtosis above which areas count as uniform. Smooth fields have 1.5 to 2, noise has 2.
 const DISCRETE: f64 = 3.0;
 
-/// Contrast that is far beyond the usual (median) one.
+/// Upper limit of contrast, relative to its median.
 const FAR: f32 = 3.0;
 
-/// Side of the area that lighting is taken from, over the longest side.
+/// Window of the local mean brightness, as a fraction (1/6) of the longest side.
 const LIGHTING: usize = 6;
 
-/// What is to be known.
+/// Required quantities.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Need {
@@ -56,11 +58,11 @@ impl std::str::FromStr for Need {
     }
 }
 
-/// A method of measuring orientations.
+/// Recommended method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Advice {
-    /// Photographs under a flash at several places.
+    /// Photographs under a flash at several positions.
     Flash,
     /// Fringes on the panel.
     Spots,
@@ -68,35 +70,35 @@ pub enum Advice {
     Polarization,
 }
 
-/// What was seen, and what it asks for.
+/// Analysis of a sample and the recommended method.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Colours of angles in the picture of a map.
+    /// Colour map of angles in the picture of a map.
     pub palette: Palette,
-    /// The tile that is repeated, if there is one.
+    /// Repeated tile, if any.
     pub repeats: Option<Repeats>,
-    /// Mean fourth power of the slopes over their squared mean square.
+    /// Gradient kurtosis: mean fourth power of the slopes over their squared mean square.
     pub unevenness: f64,
-    /// Whether areas are even within themselves.
+    /// True if the sample consists of uniform areas.
     pub discrete: bool,
-    /// What suits it.
+    /// Recommended method.
     pub advice: Advice,
-    /// Why.
+    /// Reason for the recommendation.
     pub why: String,
-    /// What would be second.
+    /// Second-best method.
     pub otherwise: String,
-    /// What was in doubt.
+    /// Limitations of the analysis.
     pub warnings: Vec<String>,
 }
 
-/// Looks at a photograph, or at a folder or file with a map of orientations.
+/// Analyses a photograph, or a folder or file with an orientation map.
 ///
 /// # Errors
-/// `Input` for what is neither.
+/// `Input` for any other file.
 pub fn recommend(input: &Path, need: Need, palette: Palette) -> Result<(Report, Canvas)> {
     let is_map = input.is_dir()
         || input.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")) && { Maps::read(input).is_ok() };
@@ -151,7 +153,7 @@ fn judged(repeats: Option<&Repeats>, discrete: bool, need: Need) -> (Advice, Str
     }
 }
 
-/// Why flash photographs are not for it.
+/// Reason why flash photographs are unsuitable.
 fn unsuited(repeats: Option<&Repeats>, discrete: bool) -> String {
     match repeats {
         None => "nothing is repeated".into(),
@@ -161,7 +163,7 @@ fn unsuited(repeats: Option<&Repeats>, discrete: bool) -> String {
     }
 }
 
-/// What was read, in pixels that are `scale` of the file's wide.
+/// Input picture, reduced by `scale` relative to the file.
 struct Seen {
     source: Source,
     shown: Vec<[u8; 3]>,
@@ -182,7 +184,7 @@ impl Source {
         }
     }
 
-    /// A rectangle of it, without lighting and mean.
+    /// A rectangle of the source with its lighting and mean removed.
     fn part(&self, [left, top, width, height]: windows::Part) -> Field {
         let from = |i: usize| (top + i / width) * self.size()[0] + left + i % width;
         let all = 0..width * height;
@@ -218,8 +220,8 @@ fn of_photograph(path: &Path) -> Result<Seen> {
     Ok(Seen { source: Source::Photograph(gray), shown, scale, warning })
 }
 
-/// Brightness over that of its surroundings, less one; what is far beyond the usual, such as the table beside the sample, counts no more than
-/// other contrast.
+/// Brightness relative to the local mean, minus one. Extreme contrast, such as that of a table beside the sample, is
+/// limited to a multiple of the median.
 fn without_lighting(gray: &Gray) -> Field {
     let (w, h) = (gray.width, gray.height);
     let reach = (w.max(h) / (2 * LIGHTING)).max(4);
@@ -271,7 +273,7 @@ fn of_map(input: &Path, palette: Palette) -> Result<Seen> {
     Ok(Seen { source: Source::Map(field), shown, scale, warning: None })
 }
 
-/// What was looked at, with the outlines of a tile and its neighbours in the middle of the part that shows it.
+/// The analysed picture, with the outlines of a tile and its neighbours in the centre of the best part.
 fn picture(
     [width, height]: [usize; 2],
     shown: &[[u8; 3]],

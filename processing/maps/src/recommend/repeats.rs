@@ -1,36 +1,37 @@
-//! Whether a sample repeats, and whether it is made of areas that are even within themselves.
+//! Detection of repeated tiles and of uniform areas, by autocorrelation and gradient statistics.
 
 use nacre_image::{Correlation, Field};
 use serde::Serialize;
 
-/// Likeness from which copies are copies.
+/// Minimum correlation of copies.
 const ALIKE: f32 = 0.4;
 
-/// Part of the best copy's likeness that a shorter step must reach to be the tile.
+/// Correlation, relative to the best copy, above which a shorter translation is taken as the tile.
 const AS_GOOD: f32 = 0.7;
 
-/// Likeness that must be fallen below between copies, over theirs.
+/// Factor of a peak's correlation below which the correlation must fall on the way to it.
 const VALLEY: f32 = 0.8;
 
-/// Smallest part of the picture in which a step must be seen.
+/// Minimum overlap of the picture with its translated copy, as a fraction.
 const SEEN: f32 = 0.2;
 
-/// Least sine of the angle between a tile's sides.
+/// Minimum sine of the angle between a tile's sides.
 const APART: f64 = 0.35;
 
-/// A tile that the sample is made of.
+/// A tile that the sample repeats.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Repeats {
-    /// Its two sides in pixels of the photograph, right and down.
+    /// Two lattice vectors in pixels of the photograph, right and down.
     pub sides_px: [[f64; 2]; 2],
-    /// How many of them are seen, those at the picture's edge in part; where too few can be followed from one to the next, how many have room
-    /// in what is known of the picture.
+    /// Number of visible copies; those at the border count in part. If too few copies can be followed from neighbour to
+    /// neighbour, the number that fits into the known area.
     pub copies: f64,
-    /// How alike neighbours are, 1 for the same.
+    /// Mean correlation with neighbouring copies; 1 for identical copies.
     pub likeness: f64,
 }
 
-/// The smallest tile that a field repeats; none where it does not. `scale` is the size of its pixels in those of the photograph.
+/// The smallest tile that a field repeats; `None` without repetition. `scale` is the size of the field's pixels in
+/// those of the photograph.
 pub(super) fn repeats(field: &Field, scale: f64) -> Option<Repeats> {
     let all = Correlation::of(field, field);
     let peaks = peaks(field, &all);
@@ -47,20 +48,20 @@ pub(super) fn repeats(field: &Field, scale: f64) -> Option<Repeats> {
     let area = (first[0] * second[1] - first[1] * second[0]).abs();
     let likeness = steps.iter().map(|v| f64::from(all.at(whole(*v)))).sum::<f64>() / 4.0;
     let copies = f64::from(field.mask.iter().sum::<f32>()) / area;
-    // A diagonal that is unlike shows that a side was met by chance.
+    // A diagonal without correlation reveals an accidental peak.
     let real = diagonals.iter().all(|v| all.at(whole(*v)) > 0.5 * best);
-    // The one that goes more to the right first, both towards right or down.
+    // The vector with the larger horizontal component comes first; both point right or down.
     let towards = |v: [f64; 2]| if v[0] + v[1] < 0.0 { v.map(|d| -d * scale) } else { v.map(|d| d * scale) };
     let [a, b] = [first, second].map(towards);
     let sides_px = if a[0].abs() >= b[0].abs() { [a, b] } else { [b, a] };
     real.then_some(Repeats { sides_px, copies, likeness })
 }
 
-/// Steps to the right, or down, at which the field is most like itself, outside of the middle's own hill.
+/// Translations to the right or down with a local maximum of the autocorrelation, outside of the central peak.
 fn peaks(field: &Field, all: &Correlation) -> Vec<([i64; 2], f32)> {
     let [w, h] = [field.width as i64, field.height as i64];
     let enough = SEEN * all.overlap([0, 0]);
-    // On the way to a copy there is a valley.
+    // A separate peak requires a minimum between it and the origin.
     let hill = |[dx, dy]: [i64; 2]| {
         let steps = dx.abs().max(dy.abs());
         (1..=steps).all(|k| {
@@ -84,8 +85,8 @@ fn peaks(field: &Field, all: &Correlation) -> Vec<([i64; 2], f32)> {
     found
 }
 
-/// How unevenly a field's slopes are spread: the mean fourth power over the square of the mean square. About 2 for anything smooth or noisy,
-/// more where areas are even and edges sharp.
+/// Kurtosis of a field's gradient: mean fourth power over squared mean square. About 2 for smooth or noisy fields,
+/// higher for uniform areas with sharp edges.
 pub(super) fn unevenness(field: &Field) -> f64 {
     let (w, h) = (field.width, field.height);
     let (mut square, mut fourth, mut count) = (0.0, 0.0, 0.0);

@@ -3,14 +3,14 @@ use crate::Map;
 use nacre_image::{OutputFolder, Palette, write_png16_gray};
 use std::f64::consts::PI;
 
-/// A number from 0 to 1 for a cell, without a pattern.
+/// Pseudo-random number from 0 to 1 for a cell.
 pub(super) fn chance(a: usize, b: usize, seed: u64) -> f64 {
     let mixed = (a as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (b as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f) ^ seed;
     let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     ((mixed ^ (mixed >> 32)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Nearest of 14 random points in a tile that goes on at its edges.
+/// Index of the nearest of 14 random points in a periodic tile.
 pub(super) fn polygon([x, y]: [f64; 2], [w, h]: [f64; 2], seed: u64) -> usize {
     let far = |k: usize| {
         let at = [chance(k, 0, seed) * w, chance(k, 1, seed) * h];
@@ -23,7 +23,7 @@ pub(super) fn polygon([x, y]: [f64; 2], [w, h]: [f64; 2], seed: u64) -> usize {
     (0..14).min_by(|a, b| far(*a).total_cmp(&far(*b))).unwrap()
 }
 
-/// A photograph with noise, unevenly lit.
+/// A noisy, unevenly lit photograph.
 pub(super) fn photograph(size: [usize; 2], grey: &dyn Fn(f64, f64) -> f64) -> tempfile::TempDir {
     let home = tempfile::tempdir().unwrap();
     let codes: Vec<u16> = (0..size[0] * size[1])
@@ -62,14 +62,14 @@ fn what_changes_gradually_or_is_there_once_is_for_fringes() {
     let (report, _) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
     assert!(report.advice == Advice::Spots && report.repeats.is_some() && !report.discrete, "{report:?}");
     assert!(report.why.contains("gradually"), "{report:?}");
-    // Polygons that are all different.
+    // Polygons without repetition.
     let once = |x: f64, y: f64| 0.2 + 0.6 * chance(polygon([x, y], [600.0, 440.0], 4), 3, 4);
     let home = photograph([600, 440], &once);
     let (report, _) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
     assert!(report.advice == Advice::Spots && report.repeats.is_none() && report.discrete, "{report:?}");
     let (report, _) = recommend(&home.path().join("a.png"), Need::Orientation, Palette::Cyclic).unwrap();
     assert_eq!(report.advice, Advice::Polarization);
-    // A tile that is there six times.
+    // A tile with six copies.
     let few = |x: f64, y: f64| 0.2 + 0.6 * chance(polygon([x, y], [200.0, 220.0], 5), 3, 5);
     let home = photograph([600, 440], &few);
     let (report, _) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
@@ -78,7 +78,7 @@ fn what_changes_gradually_or_is_there_once_is_for_fringes() {
 
 #[test]
 fn maps_of_orientation_are_looked_at_as_lines() {
-    // 0° and 180° are one: a tile whose polygons lie either side of the seam.
+    // 0° and 180° are the same orientation: a tile with polygons on both sides of the wrap.
     let (w, h) = (320, 240);
     let angle = |i: usize| {
         let cell = polygon([(i % w) as f64, (i / w) as f64], [40.0, 40.0], 8);
@@ -110,7 +110,7 @@ fn what_is_no_picture_is_refused() {
     write_png16_gray(&home.path().join("a.png"), 8, 8, &[1; 64]).unwrap();
     let problem = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap_err().to_string();
     assert!(problem.contains("32 pixels"), "{problem}");
-    // Nothing but even grey.
+    // Uniform grey.
     write_png16_gray(&home.path().join("a.png"), 64, 64, &[500; 4096]).unwrap();
     let (report, _) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
     assert!(report.repeats.is_none() && !report.discrete, "{report:?}");

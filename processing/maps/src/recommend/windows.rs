@@ -1,14 +1,14 @@
-//! Repetition in parts of a picture: a sheet with margins, on a dark table, seen askew.
+//! Repetition in parts of a picture, for sheets with margins, on a dark table, or in oblique view.
 //!
-//! A margin or table is brighter or darker than all print on the sheet, so that the whole picture correlates with itself at no shift but zero.
-//! Perspective changes the size of copies. In both cases a part of the picture still shows the tile; from there, copies are followed from neighbour
-//! to neighbour.
+//! A margin or table differs in brightness from all print, so that it dominates the autocorrelation of the whole
+//! picture. Perspective varies the size of copies. In both cases a part of the picture still reveals the tile. From
+//! there, copies are followed from neighbour to neighbour.
 
 use super::repeats::{Repeats, repeats};
 use nacre_image::Field;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Sides of the parts over those of the picture, and positions of their middles: -1 to 1 over the space that is left.
+/// Sides of the parts relative to the picture, and positions of their centres: -1 to 1 over the remaining space.
 const PARTS: [(f64, &[[f64; 2]]); 4] = [
     (0.82, &[[0.0, 0.0]]),
     (0.66, &[[0.0, 0.0], [-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]]),
@@ -16,34 +16,35 @@ const PARTS: [(f64, &[[f64; 2]]); 4] = [
     (0.36, &[[0.0, 0.0]]),
 ];
 
-/// Correlation from which a tile of the whole picture is accepted without a search in its parts.
+/// Correlation above which a tile of the whole picture is accepted without a search in its parts.
 const CERTAIN: f64 = 0.75;
 
-/// Least correlation and number of copies of a tile in a part.
+/// Minimum correlation and number of copies of a tile in a part.
 const ALIKE: f64 = 0.5;
 const IN_PART: f64 = 4.0;
 
-/// Largest deviation of a copy from its expected position, over the tile's size.
+/// Maximum deviation of a copy from its expected position, relative to the tile's size.
 const ASTRAY: f64 = 0.07;
 
-/// Least correlation of a copy with its neighbour, and number of its quarters that must reach it: fewer do where half of it lies in a margin.
+/// Minimum correlation of a copy with its neighbour, and number of quarters of a copy that must reach it. Fewer
+/// quarters do so if half of the copy lies in a margin.
 const COPY: f64 = 0.55;
 const QUARTERS: usize = 3;
 
-/// Fewest copies of a tile that was found in a part.
+/// Minimum number of copies of a tile found in a part.
 const FEWEST: usize = 6;
 
-/// Most copies that are followed, and pixels along each axis of a tile that are compared.
+/// Maximum number of copies followed, and number of pixels compared along each axis of a tile.
 const MOST: usize = 4000;
 const COMPARED: f64 = 28.0;
 
-/// Shortest side of a tile, in pixels; shorter ones have no pattern to compare.
+/// Minimum side of a tile in pixels; smaller tiles have no pattern to compare.
 const SHORTEST: f64 = 6.0;
 
 /// A rectangle: left, top, width, height in pixels.
 pub(super) type Part = [usize; 4];
 
-/// The tile of a picture and the part that shows it best, or the whole picture. `of` makes the field of a part.
+/// The tile of a picture and the part that shows it best, or the whole picture. `of` computes the field of a part.
 pub(super) fn tile(size: [usize; 2], scale: f64, of: &dyn Fn(Part) -> Field) -> (Option<Repeats>, Part) {
     let all = [0, 0, size[0], size[1]];
     let whole = of(all);
@@ -51,7 +52,7 @@ pub(super) fn tile(size: [usize; 2], scale: f64, of: &dyn Fn(Part) -> Field) -> 
         let middle = [0, 1].map(|k| part[k] as f64 + 0.5 * part[k + 2] as f64);
         copies(&whole, found.sides_px.map(|v| v.map(|d| d / scale)), middle).map(|copies| Repeats { copies, ..found })
     };
-    // Margins have room for copies, but contain none.
+    // Margins have room for copies but contain none.
     let first = repeats(&whole, scale)
         .map(|room| counted(room, all).map_or(room, |seen| Repeats { copies: seen.copies.min(room.copies), ..room }));
     if first.is_some_and(|r| r.likeness >= CERTAIN) {
@@ -88,8 +89,8 @@ fn parts([width, height]: [usize; 2]) -> impl Iterator<Item = Part> {
     })
 }
 
-/// Number of visible copies, from one in the middle of a part: copies that are found beside each other, and the visible share of their neighbours
-/// that the picture's edge cuts. None where fewer than [`FEWEST`] are found.
+/// Number of visible copies, starting from the centre of a part. It counts copies that are found side by side, and the
+/// visible fraction of neighbours cut by the border. `None` for fewer than [`FEWEST`] copies.
 fn copies(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> Option<f64> {
     let found = followed(field, sides, middle);
     let size = extent(sides);
@@ -119,7 +120,8 @@ fn extent(sides: [[f64; 2]; 2]) -> [f64; 2] {
     [0, 1].map(|k| sides[0][k].abs() + sides[1][k].abs())
 }
 
-/// Positions of copies that are found beside each other, by their steps from the first one; ordered, so that sums over them are reproducible.
+/// Positions of adjacent copies by their lattice steps from the first; ordered, so that sums over them are
+/// reproducible.
 fn followed(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> BTreeMap<[i64; 2], [f64; 2]> {
     let length = |v: [f64; 2]| v[0].hypot(v[1]);
     if sides.iter().any(|s| length(*s) < SHORTEST) {
@@ -135,7 +137,7 @@ fn followed(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> BTreeMap<[
             }
             let expected = [0, 1].map(|k| at[k] + sign * sides[axis][k]);
             let Some(place) = copy(field, at, expected, sides) else { continue };
-            // Sides change with perspective, from copy to copy.
+            // Perspective changes the lattice vectors from copy to copy.
             let mut changed = sides;
             changed[axis] = [0, 1].map(|k| sign * (place[k] - at[k]));
             found.insert(next, place);
@@ -145,7 +147,8 @@ fn followed(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> BTreeMap<[
     found
 }
 
-/// The position near `near` where the tile at `from` is found again; none where the correlation is too low or the tile is not in the picture.
+/// Position near `near` with the best match of the tile at `from`; `None` if the correlation is too low or the tile
+/// leaves the picture.
 fn copy(field: &Field, from: [f64; 2], near: [f64; 2], sides: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     let size = extent(sides);
     let reach = (ASTRAY * size[0].max(size[1])).ceil().max(1.0);
@@ -168,7 +171,7 @@ fn copy(field: &Field, from: [f64; 2], near: [f64; 2], sides: [[f64; 2]; 2]) -> 
     (alike >= COPY && quarters >= QUARTERS).then_some(at)
 }
 
-/// Correlation of two rectangles around two positions; none unless both lie in the picture.
+/// Correlation of two rectangles centred at two positions; `None` unless both lie in the picture.
 fn likeness(field: &Field, a: [f64; 2], b: [f64; 2], size: [f64; 2]) -> Option<f64> {
     let inside = |at: [f64; 2]| {
         at[0] - 0.5 * size[0] >= 0.0

@@ -1,4 +1,4 @@
-//! Sheets with margins, on a dark table, seen askew; and pictures that repeat nothing.
+//! Sheets with margins, on a dark table and in oblique view, and pictures without repetition.
 
 use super::super::tests::{chance, photograph, polygon};
 use super::super::{Advice, Need, Report, recommend};
@@ -6,18 +6,19 @@ use nacre_image::Palette;
 
 const SIZE: [f64; 2] = [600.0, 440.0];
 
-/// A sheet of 10 × 8 tiles in a picture.
+/// A picture of a sheet with 10 × 8 tiles.
 #[derive(Clone, Copy)]
 struct Sheet {
     seed: u64,
-    /// Margin without print and table around the sheet, over the picture's sides.
+    /// Width of margin and of table around the sheet, relative to the picture's sides.
     margin: f64,
     table: f64,
-    /// Grey of both.
+    /// Grey levels of margin and table.
     grey: [f64; 2],
-    /// How much nearer the lower end is than the upper one, over the mean distance, and the right end than the left one.
+    /// Perspective: difference of distance between lower and upper end, and between right and left end, relative to the
+    /// mean distance.
     askew: [f64; 2],
-    /// Turn in degrees.
+    /// Rotation in degrees.
     turn: f64,
 }
 
@@ -31,7 +32,7 @@ impl Sheet {
 
     fn grey_at(self, x: f64, y: f64) -> f64 {
         let [u, v] = [(x - 0.5 * SIZE[0]) / SIZE[0], (y - 0.5 * SIZE[1]) / SIZE[1]];
-        // Towards the nearer end the same step on the picture is a shorter one on the sheet.
+        // The same step in the picture spans less of the sheet towards the nearer end.
         let nearer = 1.0 + self.askew[1] * u + self.askew[0] * v;
         let (sin, cos) = self.turn.to_radians().sin_cos();
         let [a, b] = [(x - 0.5 * SIZE[0]) / nearer, (y - 0.5 * SIZE[1]) / nearer];
@@ -54,7 +55,8 @@ impl Sheet {
         recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap().0
     }
 
-    /// Asserts that the tile is that of the sheet, to a part of its size, and that this share of the 80 copies is found.
+    /// Asserts that the detected tile is that of the sheet within a fraction of its size, and that this fraction of the
+    /// 80 copies is found.
     fn is_found(self, within: f64, share: f64) {
         let report = self.looked_at();
         let found = report.repeats.unwrap_or_else(|| panic!("{:?} {report:?}", self.askew));
@@ -95,7 +97,7 @@ fn sheets_are_seen_by_hand() {
     }
 }
 
-/// The steeper the view, the less is found; but never another tile.
+/// Steeper views reduce the number of copies found, but never yield a wrong tile.
 #[test]
 fn steep_views_fail_without_a_claim() {
     let mut found = 0;
@@ -118,7 +120,7 @@ fn a_margin_around_what_is_there_once_makes_no_tile() {
         let home = photograph([600, 440], &once);
         let (report, _) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
         assert!(report.repeats.is_none(), "{seed}: {report:?}");
-        // Noise alone, of several grains.
+        // Noise of several grain sizes.
         let grain = 1.0 + 3.0 * seed as f64;
         let noise = |x: f64, y: f64| chance((x / grain) as usize, (y / grain) as usize, seed);
         let home = photograph([600, 440], &noise);

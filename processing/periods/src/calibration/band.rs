@@ -1,29 +1,30 @@
-//! The wavelength that a band of light stands for.
+//! Effective wavelength of a spectral band.
 
 use nacre_base::{Error, Result};
 use nacre_optics::color::Spectrum;
 use schemars::JsonSchema;
 
-/// Steps of the integral, in nm.
+/// Integration step in nm.
 const STEP_NM: f64 = 0.25;
 
-/// How far a spectrometer's scale may be off, in nm.
+/// Standard deviation of a spectrometer's wavelength scale in nm.
 const SCALE_NM: f64 = 0.5;
 
-/// A band.
+/// A spectral band.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, JsonSchema)]
 pub struct Band {
-    /// Mean wavelength, weighted by all spectra together.
+    /// Mean wavelength in nm, weighted by the product of all spectra.
     pub mean_nm: f64,
-    /// Standard deviation of the mean: of the spectrometer's scale, and of a lamp that nobody measured.
+    /// Standard deviation of the mean in nm: spectrometer scale, and the spectrum of an unmeasured lamp.
     pub sigma_nm: f64,
-    /// Standard deviation of the light about the mean: this part of it spreads each order.
+    /// Standard deviation of the light about the mean, in nm; it blurs each order.
     pub spread_nm: f64,
-    /// Full width at half maximum.
+    /// Full width at half maximum in nm.
     pub fwhm_nm: f64,
 }
 
-/// Band of a lamp's light, if its spectrum is known, behind a filter and as a camera sees it, whichever of both is known; none without either.
+/// Band of a lamp (if its spectrum is known) behind a filter, as seen by a camera, whichever of the two is known.
+/// `None` without either.
 ///
 /// # Errors
 /// `Input` for a lamp alone, and as [`band`] does.
@@ -38,11 +39,11 @@ pub fn band_of(lamp: Option<Spectrum>, mut others: Vec<Spectrum>) -> Result<Opti
     band(&others, known).map(Some)
 }
 
-/// Band of light that passes all of the spectra (lamp, filter, camera) one after the other. `lamp_known` says whether the lamp's is among
-/// them; else it is taken for white, and what a tungsten lamp (2856 K) would change counts as unknown.
+/// Band of light transmitted by all of the spectra (lamp, filter, camera). `lamp_known` states whether the lamp is
+/// among them. Otherwise it counts as white, and the shift by a tungsten lamp (2856 K) enters the uncertainty.
 ///
 /// # Errors
-/// `Input` when there is none, or nothing passes.
+/// `Input` without spectra, and if no light is transmitted.
 pub fn band(spectra: &[Spectrum], lamp_known: bool) -> Result<Band> {
     let bad = |problem: &str| Error::input("spectra", problem, "give those of lamp, filter and camera as CSV files");
     let low = spectra.iter().map(|s| s.range_nm()[0]).fold(0.0, f64::max);
@@ -61,7 +62,7 @@ pub fn band(spectra: &[Spectrum], lamp_known: bool) -> Result<Band> {
     let values: Vec<[f64; 2]> = (0..=count as usize)
         .map(|k| {
             let nm = (low + step * k as f64).min(high);
-            // Trapezoid: the ends count half.
+            // Trapezoidal rule: the end points have half weight.
             let end = if k == 0 || k == count as usize { 0.5 } else { 1.0 };
             [nm, end * spectra.iter().map(|s| s.at(nm)).product::<f64>()]
         })
@@ -86,7 +87,7 @@ fn tungsten(nm: f64) -> f64 {
     power(nm) / power(560.0)
 }
 
-/// From the first to the last crossing of half the maximum.
+/// Distance between the first and the last crossing of half the maximum.
 fn width(values: &[[f64; 2]]) -> f64 {
     let half = 0.5 * values.iter().map(|v| v[1]).fold(0.0, f64::max);
     let inside = |v: &[f64; 2]| v[1] >= half;

@@ -1,4 +1,4 @@
-//! A camera from photographs of a chessboard.
+//! Camera calibration from photographs of a chessboard.
 
 use super::corners::{Board, View, find};
 use super::fit::{Fit, Seen, fit};
@@ -15,57 +15,58 @@ use nacre_optics::geometry::{Camera, Pose};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Photographs of a board in different poses, at least.
+/// Minimum number of photographs in different poses.
 pub const FEWEST: usize = 3;
 
-/// Photographs that are read, at most.
+/// Maximum number of photographs.
 const MOST: usize = 1000;
 
-/// A photograph that is off by so many times the median one is pointed out.
+/// Ratio of a photograph's residual to the median residual above which a warning is issued.
 const ODD: f64 = 2.5;
 
-/// A camera is not told where its focal lengths are not known to this part.
+/// Maximum relative uncertainty of the focal lengths.
 const VAGUE: f64 = 0.05;
 
-/// A camera, the photographs that it was found from, and how good it is.
+/// A calibrated camera, its photographs and its accuracy.
 #[derive(Clone, Debug)]
 pub struct Calibrated {
-    /// The camera.
+    /// Intrinsic parameters and distortion.
     pub camera: Camera,
     /// Width and height of the photographs.
     pub image_px: [usize; 2],
-    /// Those that were used.
+    /// Photographs in the fit.
     pub used: Vec<Photograph>,
-    /// Those that were not, and why.
+    /// Rejected photographs, and the reasons.
     pub unused: Vec<(PathBuf, String)>,
-    /// Root mean square distance from corner to model, in px.
+    /// Root mean square reprojection error in px.
     pub rms_px: f64,
     /// Covariance of fx, fy, cx, cy, k1, k2, p1, p2, k3.
     pub covariance: CameraCovariance,
     /// Standard deviations of fx, fy, cx, cy, k1, k2, p1, p2, k3.
     pub sigma: [f64; 9],
-    /// What to beware of.
+    /// Limitations of the result.
     pub warnings: Vec<String>,
 }
 
 /// A photograph of the board.
 #[derive(Clone, Debug)]
 pub struct Photograph {
-    /// Its file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Corners, in pixels, row by row.
+    /// Corners in pixels, row by row.
     pub corners: Vec<[f64; 2]>,
     /// From board to camera coordinates.
     pub pose: Pose,
-    /// Standard deviations of the pose: turn about the camera's axes in rad, shift in mm.
+    /// Standard deviations of the pose: rotation about the camera's axes in rad, translation in mm.
     pub pose_sigma: [f64; 6],
-    /// Root mean square distance from corner to model, in px.
+    /// Root mean square reprojection error in px.
     pub rms_px: f64,
 }
 
-/// Time, memory and disk of the board search. Memory is an estimate: it grows with the number of corner-like features.
+/// Predicted time, memory and disk space of the board detection. Memory is an estimate, since it grows with the number
+/// of corner-like features.
 pub(super) fn work(photographs: usize, [width, height]: [usize; 2]) -> Work {
-    /// Seconds and bytes for each pixel.
+    /// Seconds and bytes per pixel.
     const EACH: [f64; 2] = [0.05e-6, 34.0];
     let pixels = (width * height) as f64;
     let seconds = 0.05 + EACH[0] * pixels * photographs as f64;
@@ -78,14 +79,15 @@ pub(super) fn work(photographs: usize, [width, height]: [usize; 2]) -> Work {
     }
 }
 
-/// Finds the camera.
+/// Calibrates the camera from a folder of photographs.
 ///
-/// The board may be anywhere; it should fill the picture once in all photographs together, tilted by 20° to 45°. Method: Zhang 2000,
-/// with the lens of [`Camera`]. Standard deviations are those of the fit, or from how the photographs disagree, whichever is larger.
+/// The board may lie anywhere. Together, the photographs should cover the field of view, with the board tilted by 20°
+/// to 45°. Method: Zhang 2000, with the lens model of [`Camera`]. Standard deviations are the larger of those of the
+/// fit and those from the scatter between photographs.
 ///
 /// # Errors
-/// `Input` for a folder without photographs, fewer than three that can be used (with why, by name), and photographs that do not tell the
-/// camera; `Cancelled`.
+/// `Input` for a folder without photographs, for fewer than three usable ones (with reasons by file name), and for
+/// photographs that do not determine the camera; `Cancelled`.
 pub fn calibrate(folder: &Path, board: &Board, progress: &dyn Progress) -> Result<Calibrated> {
     board.check()?;
     let files: Vec<PathBuf> = photographs(folder)?.into_iter().map(|name| folder.join(name)).collect();
@@ -99,7 +101,7 @@ pub fn calibrate(folder: &Path, board: &Board, progress: &dyn Progress) -> Resul
     let size = info(first).map(|i| [i.width, i.height])?;
     progress.expect(&work(files.len(), size))?;
     progress.stage("looking for the board", files.len() as u64);
-    // Two at a time at most, since each takes a few bytes per pixel several times over.
+    // At most two in parallel, since each needs several copies of its photograph.
     let looked: Vec<(PathBuf, Looked)> = files
         .par_iter()
         .map(|path| {
@@ -123,7 +125,7 @@ pub fn calibrate(folder: &Path, board: &Board, progress: &dyn Progress) -> Resul
     })
 }
 
-/// Corners, or why there are none.
+/// Corners, or the reason why there are none.
 type Looked = std::result::Result<Vec<[f64; 2]>, String>;
 
 fn look(path: &Path, board: &Board, size: [usize; 2], first: &Path) -> Looked {
@@ -138,7 +140,7 @@ fn look(path: &Path, board: &Board, size: [usize; 2], first: &Path) -> Looked {
     find(&Gray::read(path).map_err(why)?, board, View::Direct)
 }
 
-/// Finds the camera from corners that are known.
+/// Calibrates the camera from known corners.
 ///
 /// # Errors
 /// As [`calibrate`].
@@ -208,7 +210,7 @@ pub fn of_corners(
     })
 }
 
-/// File name alone.
+/// File name without its folder.
 pub(super) fn name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }

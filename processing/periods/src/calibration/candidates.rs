@@ -1,37 +1,37 @@
-//! Places that look like a corner where four squares meet.
+//! Detection of candidates for chessboard corners.
 
 use nacre_image::Gray;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Radius in pixels, and number, of the samples on a circle about a corner.
+/// Radius in pixels, and number, of the samples on a circle around a corner.
 const RADIUS: f64 = 5.0;
 const SAMPLES: usize = 16;
 
-/// No other corner is so near, in pixels.
+/// Minimum distance of corners in pixels.
 const APART: usize = 4;
 
-/// Responses below this part of the strongest are noise.
+/// Minimum response relative to the strongest; lower ones are noise.
 const WEAKEST: f32 = 0.03;
 
-/// Most candidates that are kept: a board has far fewer, a photograph of leaves far more.
+/// Maximum number of candidates. A board has far fewer; a photograph of leaves has far more.
 const MOST: usize = 6000;
 
-/// A place that may be a corner.
+/// A candidate corner.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
-    /// Pixels from the left and the top.
+    /// Position in pixels from the left and the top.
     pub place: [f64; 2],
-    /// How much it looks like one.
+    /// Detector response.
     pub strength: f32,
-    /// Direction in which it is bright, [0, π), clockwise from right as rows go down.
+    /// Direction of the bright squares, [0, π), clockwise from the right, because rows grow downwards.
     pub bright: f64,
 }
 
 /// Candidates, strongest first.
 ///
-/// Samples on a circle about a corner repeat after half a turn and are opposite after a quarter; those of an edge or a line do not, and
-/// their mean is that of the middle (Bennett and Lasenby 2014, ChESS).
+/// Samples on a circle around a corner have a period of half a turn, and opposite sign after a quarter turn. Those of
+/// edges and lines do not, and their mean equals the value at the centre (Bennett and Lasenby 2014, ChESS).
 pub(super) fn candidates(image: &Gray) -> Vec<Candidate> {
     let margin = RADIUS as usize + 2;
     if image.width <= 2 * margin || image.height <= 2 * margin {
@@ -66,7 +66,7 @@ pub(super) fn candidates(image: &Gray) -> Vec<Candidate> {
     found
 }
 
-/// Where the samples of the circle lie, from a pixel: index of the upper left of four, and their weights.
+/// Interpolation of the circle's samples around a pixel: index of the upper left of four pixels, and their weights.
 struct Taps {
     circle: [(i64, [f32; 4]); SAMPLES],
     width: i64,
@@ -106,17 +106,17 @@ impl Taps {
 
 fn strongest(strength: &[f32], width: usize, i: usize) -> bool {
     let (x, y) = (i % width, i / width);
-    // Candidates lie inside of a margin that is wider than this.
+    // The margin without candidates is wider than this window.
     (y - APART..=y + APART).all(|row| {
         (x - APART..=x + APART).all(|column| {
             let other = row * width + column;
-            // Of equals the first.
+            // Among equal responses, the first one wins.
             strength[other] < strength[i] || strength[other] == strength[i] && other >= i
         })
     })
 }
 
-/// Direction of the brightness's second harmonic on the circle.
+/// Direction of the second harmonic of brightness on the circle.
 fn bright(image: &Gray, [x, y]: [f64; 2], circle: &[[f64; 2]; SAMPLES]) -> f64 {
     let (mut cos2, mut sin2) = (0.0, 0.0);
     for [dx, dy] in circle {
@@ -128,7 +128,7 @@ fn bright(image: &Gray, [x, y]: [f64; 2], circle: &[[f64; 2]; SAMPLES]) -> f64 {
     (0.5 * sin2.atan2(cos2)).rem_euclid(PI)
 }
 
-/// How far two directions of lines are apart, 0 to π/2.
+/// Angle between two undirected lines, 0 to π/2.
 pub(super) fn apart(a: f64, b: f64) -> f64 {
     let d = (a - b).rem_euclid(PI);
     d.min(PI - d)

@@ -1,4 +1,4 @@
-//! Inner corners of a chessboard in a photograph, to a few hundredths of a pixel.
+//! Detection of the inner corners of a chessboard, to a few hundredths of a pixel.
 
 use super::candidates::{Candidate, candidates};
 use super::grid;
@@ -6,10 +6,10 @@ use super::subpixel::refine;
 use nacre_base::{Error, Result};
 use nacre_image::Gray;
 
-/// Boards are looked for first where the longer side has about so many pixels; corners are then refined at full resolution.
+/// Longer side in pixels of the pyramid level where the search begins; corners are refined at full resolution.
 const SIDE: usize = 900;
 
-/// Below this many pixels from corner to corner a board is too small.
+/// Minimum distance of adjacent corners in pixels.
 const SMALLEST: f64 = 6.0;
 
 /// A chessboard.
@@ -25,7 +25,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// Refuses what is no board.
+    /// Validates the board.
     ///
     /// # Errors
     /// `Input`.
@@ -41,7 +41,8 @@ impl Board {
         Ok(())
     }
 
-    /// Places of the corners in mm, row by row from the upper left: x right, y up, origin in the middle, z towards who looks at it.
+    /// Corner positions in mm, row by row from the upper left: x right, y up, z towards the viewer, origin in the
+    /// centre.
     pub fn places(&self) -> Vec<[f64; 2]> {
         let middle = [0.5 * (self.columns - 1) as f64, 0.5 * (self.rows - 1) as f64];
         let place = |k: usize| {
@@ -51,35 +52,35 @@ impl Board {
         (0..self.columns * self.rows).map(place).collect()
     }
 
-    /// Whether half a turn can be told: the squares in opposite corners of the board differ in colour.
+    /// True if the board is asymmetric under rotation by 180°: squares in opposite corners differ in colour.
     pub fn has_a_top(&self) -> bool {
         (self.columns + self.rows) % 2 == 1
     }
 }
 
-/// How a board is seen.
+/// View of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum View {
-    /// Directly.
+    /// Direct view.
     Direct,
-    /// In a mirror.
+    /// View in a mirror.
     Mirrored,
 }
 
-/// Corners of a board, row by row from its upper left, in pixels from the left and the top of the photograph.
+/// Finds the corners of a board, row by row from its upper left, in pixels from the left and the top of the photograph.
 ///
-/// The upper left is where the outermost square is dark; where that is so of both ends (see [`Board::has_a_top`]), the end that lies
-/// higher up or further left in the photograph.
+/// The upper left is the end with a dark outermost square. If both ends have one (see [`Board::has_a_top`]), it is the
+/// end further up or further left in the photograph.
 ///
 /// # Errors
-/// Why the photograph cannot be used, in words.
+/// The reason, as text, why the photograph cannot be used.
 pub fn find(image: &Gray, board: &Board, view: View) -> std::result::Result<Vec<[f64; 2]>, String> {
     let mut levels = vec![image.clone()];
     while let Some(last) = levels.last().filter(|l| l.width.max(l.height) > SIDE / 2 && l.width.min(l.height) >= 128) {
         let half = last.halved();
         levels.push(half);
     }
-    // From the level that is nearest to the usual side: on to finer ones, then to coarser ones.
+    // From the pyramid level nearest to the usual size to finer levels, then to coarser ones.
     let start = levels.iter().position(|l| l.width.max(l.height) <= SIDE).unwrap_or(0);
     let order = (0..=start).rev().chain(start + 1..levels.len());
     let mut problem: Option<String> = None;
@@ -98,7 +99,7 @@ pub fn find(image: &Gray, board: &Board, view: View) -> std::result::Result<Vec<
     Err(problem.unwrap_or_else(|| "is too small".into()))
 }
 
-/// Orders the corners and refines them.
+/// Orders and refines the corners.
 fn finish(
     image: &Gray,
     board: &Board,
@@ -107,7 +108,7 @@ fn finish(
     level: usize,
 ) -> std::result::Result<Vec<[f64; 2]>, String> {
     let scale = (1_usize << level) as f64;
-    // A pixel of a coarser level covers several; its centre is theirs.
+    // A pixel of a coarse level covers several pixels; its centre is theirs.
     let places: Vec<[f64; 2]> = found.iter().map(|c| c.place.map(|p| (p + 0.5) * scale - 0.5)).collect();
     let order = ordered(board, view, found);
     let places: Vec<[f64; 2]> = order.into_iter().map(|i| places[i]).collect();
@@ -130,15 +131,15 @@ fn nearest(places: &[[f64; 2]], k: usize) -> f64 {
     places.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, p)| off(p)).fold(f64::MAX, f64::min)
 }
 
-/// Indices in the board's own order.
+/// Indices of the candidates in the board's order.
 fn ordered(board: &Board, view: View, found: &[Candidate]) -> Vec<usize> {
     let (columns, rows) = (board.columns, board.rows);
     let at = |column: usize, row: usize| found[row * columns + column].place;
     let [along, down] = [at(columns - 1, 0), at(0, rows - 1)].map(|p| [p[0] - at(0, 0)[0], p[1] - at(0, 0)[1]]);
-    // Rows count downwards, so that this is positive as one sees it, and negative in a mirror.
+    // Rows grow downwards, so this is positive in a direct view and negative in a mirror.
     let right_handed = along[0] * down[1] - along[1] * down[0] > 0.0;
     let flip = right_handed != (view == View::Direct);
-    // Column and row, in what was found, of a corner of the board.
+    // Index in `found` of the board's corner `k`.
     let place = |k: usize, turned: bool| {
         let (mut column, mut row) = (k % columns, k / columns);
         if turned {
@@ -153,7 +154,7 @@ fn ordered(board: &Board, view: View, found: &[Candidate]) -> Vec<usize> {
         let [corner, right, below] = [0, 1, columns].map(|k| &found[place(k, turned)]);
         let inwards = [0, 1].map(|k| right.place[k] + below.place[k] - 2.0 * corner.place[k]);
         let diagonal = inwards[1].atan2(inwards[0]);
-        // Bright across the diagonal: the squares on it, one of them the outermost, are dark.
+        // Bright across the diagonal: the squares on the diagonal, including the outermost one, are dark.
         super::candidates::apart(corner.bright, diagonal) > std::f64::consts::FRAC_PI_4
     };
     let turned = if board.has_a_top() {

@@ -1,4 +1,4 @@
-//! The camera and the poses that explain all corners best (Levenberg and Marquardt), and how well they are known.
+//! Bundle adjustment of camera and poses (Levenberg-Marquardt), with covariances.
 
 use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nacre_base::progress::Progress;
@@ -7,47 +7,47 @@ use nacre_optics::geometry::{Camera, Pose};
 use nalgebra::{Cholesky, Matrix2x3, Matrix3, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector6};
 use rayon::prelude::*;
 
-/// Numbers of a camera: two focal lengths, centre, five of the lens.
+/// Number of camera parameters: two focal lengths, principal point, five of the lens.
 pub(super) const CAMERA: usize = 9;
 
 type Normal = SMatrix<f64, CAMERA, CAMERA>;
 type Gradient = SVector<f64, CAMERA>;
 type Mixed = SMatrix<f64, CAMERA, 6>;
 
-/// Steps at most; ten are usual.
+/// Maximum number of iterations; ten are typical.
 const STEPS: usize = 200;
 
 /// One photograph of the board.
 #[derive(Clone, Debug)]
 pub(super) struct Seen {
-    /// Corners, in pixels.
+    /// Corners in pixels.
     pub pixels: Vec<[f64; 2]>,
     /// From board to camera coordinates.
     pub pose: Pose,
 }
 
-/// What was found.
+/// Result of the adjustment.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
     pub camera: Camera,
     pub poses: Vec<Pose>,
-    /// Root mean square distance from corner to model, in pixels: of all, and of each photograph.
+    /// Root mean square reprojection error in pixels: of all photographs, and of each.
     pub rms_px: f64,
     pub each_px: Vec<f64>,
-    /// Covariance of the camera's numbers: fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    /// Covariance of fx, fy, cx, cy, k1, k2, p1, p2, k3.
     pub covariance: Normal,
-    /// Standard deviations of each pose: turn about the camera's axes in rad, shift in mm.
+    /// Standard deviations of each pose: rotation about the camera's axes in rad, translation in mm.
     pub pose_sigma: Vec<[f64; 6]>,
 }
 
-/// Residual of a corner (seen - model), and its derivatives by camera and pose.
+/// Residual of a corner (observed - model), and its derivatives with respect to camera and pose.
 struct Row {
     off: Vector2<f64>,
     camera: SMatrix<f64, 2, CAMERA>,
     pose: SMatrix<f64, 2, 6>,
 }
 
-/// Sums of one photograph.
+/// Normal equations of one photograph.
 #[derive(Clone)]
 struct Sums {
     squares: f64,
@@ -58,17 +58,17 @@ struct Sums {
     pose_right: Vector6<f64>,
 }
 
-/// Damping of the fit.
+/// Levenberg-Marquardt damping.
 const DAMPING: Damping = Damping { first: 1e-3, down: 0.1, least: 1e-12, up: 10.0, most: 1e12 };
 
-/// The fit ends when a step lowers the sum of squares by less than this part, or is not expected to lower it by the other.
+/// Relative decrease of the sum of squares, and of its prediction, below which the fit has converged.
 const CONVERGED: f64 = 1e-12;
 const LEAST_GAIN: f64 = 1e-14;
 
-/// Fits.
+/// Adjusts camera and poses.
 ///
 /// # Errors
-/// `Input` when the photographs do not tell the camera; `Cancelled`.
+/// `Input` if the photographs do not determine the camera; `Cancelled`.
 pub(super) fn fit(camera: Camera, seen: &[Seen], places: &[[f64; 2]], progress: &dyn Progress) -> Result<Fit> {
     let boards = Boards { seen, places, progress };
     let start = boards.at(camera, seen.iter().map(|s| s.pose).collect());
@@ -76,14 +76,14 @@ pub(super) fn fit(camera: Camera, seen: &[Seen], places: &[[f64; 2]], progress: 
     finished(camera, poses, &sums, places.len())
 }
 
-/// Photographs of the board, and where its corners are on it.
+/// Photographs of the board, and its corners in board coordinates.
 struct Boards<'a> {
     seen: &'a [Seen],
     places: &'a [[f64; 2]],
     progress: &'a dyn Progress,
 }
 
-/// A camera and poses, with the sums over the corners of each photograph.
+/// Camera and poses, with the normal equations of each photograph.
 struct Found {
     camera: Camera,
     poses: Vec<Pose>,
@@ -102,7 +102,7 @@ impl Problem for Boards<'_> {
     type State = Found;
     type Error = Error;
 
-    /// Infinite where a corner cannot be seen at all.
+    /// Sum of squares; infinite if a corner is not visible.
     fn cost(&self, found: &Found) -> f64 {
         found.sums.iter().map(|s| s.as_ref().map_or(f64::INFINITY, |s| s.squares)).sum()
     }
@@ -171,12 +171,12 @@ fn row(camera: &Camera, pose: &Pose, [x, y]: [f64; 2], pixel: [f64; 2]) -> Optio
         Vector2::new(fx * (s + 2.0 * u * u), fy * 2.0 * u * v),
         Vector2::new(fx * u * s * s * s, fy * v * s * s * s),
     ]);
-    // By the place in camera coordinates.
+    // Derivative with respect to the point in camera coordinates.
     let inverse = 1.0 / p.z;
     let flat = Matrix2x3::new(inverse, 0.0, -u * inverse, 0.0, inverse, -v * inverse);
     let lens = nalgebra::Matrix2::new(fx * xx, fx * xy, fy * yx, fy * yy);
     let by_place = lens * flat;
-    // A turn by a small vector w moves it by w × turned.
+    // A rotation by a small vector w displaces the point by w × turned.
     let cross = Matrix3::new(0.0, turned.z, -turned.y, -turned.z, 0.0, turned.x, turned.y, -turned.x, 0.0);
     let mut pose_part = SMatrix::<f64, 2, 6>::zeros();
     pose_part.fixed_view_mut::<2, 3>(0, 0).copy_from(&(by_place * cross));
@@ -184,7 +184,7 @@ fn row(camera: &Camera, pose: &Pose, [x, y]: [f64; 2], pixel: [f64; 2]) -> Optio
     Some(Row { off, camera: camera_part, pose: pose_part })
 }
 
-/// Turns and shifts a pose a little.
+/// Applies a small rotation and translation to a pose.
 pub(super) fn nudged(pose: &Pose, by: &Vector6<f64>) -> Pose {
     let turn = Pose::from_rotation_vector([by[0], by[1], by[2]], [0.0; 3]);
     let t = pose.translation_mm;
@@ -202,7 +202,8 @@ fn nudged_camera(camera: &Camera, by: &Gradient) -> Camera {
     camera
 }
 
-/// A damped step, its camera and poses, and how much it should gain. Poses are eliminated first: only their own block is theirs.
+/// Damped step: camera, poses, and predicted decrease. Poses are eliminated first (Schur complement), because each
+/// occurs only in its own block.
 fn step(camera: &Camera, poses: &[Pose], sums: &[Option<Sums>], damping: f64) -> Option<(Camera, Vec<Pose>, f64)> {
     let sums: Vec<&Sums> = sums.iter().map(Option::as_ref).collect::<Option<_>>()?;
     let mut reduced = sums.iter().map(|s| s.camera).sum::<Normal>();
@@ -235,7 +236,7 @@ fn step(camera: &Camera, poses: &[Pose], sums: &[Option<Sums>], damping: f64) ->
     (next.focal_px.iter().all(|f| *f > 0.0 && f.is_finite())).then_some((next, moved, gain))
 }
 
-/// Covariances, at the best fit.
+/// Covariances at the minimum.
 fn finished(camera: Camera, poses: Vec<Pose>, sums: &[Option<Sums>], corners: usize) -> Result<Fit> {
     let vague = || {
         Error::input(
@@ -251,7 +252,7 @@ fn finished(camera: Camera, poses: Vec<Pose>, sums: &[Option<Sums>], corners: us
     let inverses: Vec<Matrix6<f64>> =
         sums.iter().map(|s| Some(Cholesky::new(s.pose)?.inverse())).collect::<Option<_>>().ok_or_else(vague)?;
     let mut reduced = Normal::zeros();
-    // Scores of the photographs: how each alone would move the camera.
+    // Scatter of the photographs' score vectors.
     let mut scatter = Normal::zeros();
     for (s, inverse) in sums.iter().zip(&inverses) {
         reduced += s.camera - s.mixed * inverse * s.mixed.transpose();
@@ -262,7 +263,8 @@ fn finished(camera: Camera, poses: Vec<Pose>, sums: &[Option<Sums>], corners: us
     let variance = cost / freedom;
     let n = sums.len() as f64;
     let clustered = inverse * scatter * inverse * (n / (n - 1.0).max(1.0));
-    // What corners of one photograph have in common (a board that is not flat) counts once per photograph: whichever is larger.
+    // Corners of one photograph share errors, for instance of a bent board. The larger of this covariance and the one
+    // from independent corners is used.
     let mut covariance = inverse * variance;
     let grow = Gradient::from_fn(|k, _| (clustered[(k, k)] / covariance[(k, k)]).max(1.0).sqrt());
     covariance = Normal::from_fn(|r, c| covariance[(r, c)] * grow[r] * grow[c]);
@@ -285,7 +287,7 @@ fn finished(camera: Camera, poses: Vec<Pose>, sums: &[Option<Sums>], corners: us
     })
 }
 
-/// A board in one photograph of a known camera.
+/// A board in one photograph, with a known camera.
 struct Board<'a> {
     camera: &'a Camera,
     pixels: &'a [[f64; 2]],
@@ -313,7 +315,7 @@ impl Problem for Board<'_> {
         let mut normal = sums.pose;
         (0..6).for_each(|k| normal[(k, k)] *= 1.0 + damping);
         let next = nudged(pose, &Cholesky::new(normal).ok_or(Undetermined)?.solve(&sums.pose_right));
-        // A step that hides a corner is too long.
+        // A step that makes a corner invisible is too long.
         Ok(self.at(&next).map_or(Step::Singular, |sums| Step::Trial((next, sums))))
     }
 
@@ -322,8 +324,9 @@ impl Problem for Board<'_> {
     }
 }
 
-/// The pose of one board for a known camera, its covariance (turn about the camera's axes in rad, shift in mm), and its root mean square
-/// distance in pixels. `noise_px`: what a corner is off by at least; `covariance`: of the camera's numbers.
+/// Pose of one board for a known camera, its covariance (rotation about the camera's axes in rad, translation in mm),
+/// and its root mean square reprojection error in pixels. `noise_px` is a lower bound of the corner error; `covariance`
+/// is that of the camera parameters.
 pub(super) fn pose_only(
     camera: &Camera,
     start: Pose,

@@ -1,25 +1,25 @@
-//! Which of the candidates make up the board.
+//! Selection of the candidates that form the board.
 
 use super::candidates::{Candidate, apart};
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::f64::consts::FRAC_PI_2;
 
-/// Neighbouring corners are bright across to each other, within this angle (rad): perspective shears squares.
+/// Tolerance in rad for the opposite contrast of adjacent corners, since perspective shears squares.
 const ACROSS: f64 = 0.7;
 
-/// How far from where it is expected a corner is looked for, of the step to it.
+/// Search radius around the expected position of a corner, relative to the step to it.
 const NEAR: f64 = 0.3;
 
-/// Grids are grown from at most so many places.
+/// Maximum number of seeds from which grids are grown.
 const SEEDS: usize = 240;
 
-/// What was found instead of a board, in words.
+/// Description of the failure, as text.
 pub(super) type Problem = String;
 
-/// Places of candidates in a grid, by column and row.
+/// Candidates of a grid by column and row.
 type Cells = HashMap<[i32; 2], usize>;
 
-/// Finds a grid of `columns × rows` corners; returns indices, row by row, in one of its orientations.
+/// Finds a grid of `columns × rows` corners. Returns indices, row by row, in one of the grid's orientations.
 pub(super) fn find(all: &[Candidate], columns: usize, rows: usize) -> Result<Vec<usize>, Problem> {
     let mut seen = HashSet::new();
     let mut largest = 0;
@@ -55,7 +55,7 @@ fn bounds(cells: &Cells) -> ([i32; 2], [i32; 2]) {
     )
 }
 
-/// The board in a grid. More corners around it than it has would be another board.
+/// The board within a grid. Additional corners around it would indicate another board.
 fn window(all: &[Candidate], cells: &Cells, columns: usize, rows: usize) -> Result<Option<Vec<usize>>, Problem> {
     let (low, high) = bounds(cells);
     let mut best: Option<(f32, Vec<usize>)> = None;
@@ -64,7 +64,7 @@ fn window(all: &[Candidate], cells: &Cells, columns: usize, rows: usize) -> Resu
     for [wide, tall] in shapes {
         for top in low[1]..=high[1] + 1 - tall as i32 {
             for left in low[0]..=high[0] + 1 - wide as i32 {
-                // Row by row of the board, whichever way round it lies.
+                // Row by row of the board, in either orientation.
                 let cell = |k: usize| {
                     let (column, row) = ((k % columns) as i32, (k / columns) as i32);
                     let turned = wide != columns;
@@ -94,12 +94,12 @@ fn length(a: [f64; 2]) -> f64 {
     a[0].hypot(a[1])
 }
 
-/// Whether two corners may lie side by side: one is bright where the other is dark.
+/// True if two corners can be adjacent: one is bright where the other is dark.
 fn across(a: &Candidate, b: &Candidate) -> bool {
     apart(a.bright, b.bright + FRAC_PI_2) < ACROSS
 }
 
-/// The grid that a corner belongs to.
+/// Grows the grid that contains a corner.
 fn grow(all: &[Candidate], seed: usize) -> Option<Cells> {
     let from = all[seed].place;
     let mut near: Vec<usize> = (0..all.len()).filter(|i| *i != seed && across(&all[seed], &all[*i])).collect();
@@ -140,7 +140,8 @@ fn grow(all: &[Candidate], seed: usize) -> Option<Cells> {
     Some(cells)
 }
 
-/// Where the next corner is expected, and how long the step to it is: on from the two before, or as beside it, or as at the seed.
+/// Expected position of the next corner, and length of the step. Extrapolated from the previous two, or taken from a
+/// neighbouring row, or from the seed.
 fn expected(
     all: &[Candidate],
     cells: &Cells,

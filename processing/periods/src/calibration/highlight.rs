@@ -1,4 +1,4 @@
-//! The light's mirror image in a photograph.
+//! Detection of the light's mirror image in a photograph.
 
 use nacre_base::{Error, Result};
 use nacre_image::Gray;
@@ -6,19 +6,21 @@ use nacre_image::lobe;
 use nacre_image::{Depth, info};
 use std::path::Path;
 
-/// Where the light's mirror image was found.
+/// Detected mirror image of the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// In pixels from the left and the top.
+    /// Position in pixels from the left and the top.
     pub pixel: [f64; 2],
-    /// Standard deviation of either.
+    /// Standard deviation of either coordinate.
     pub sigma_px: f64,
 }
 
-/// Finds the light's mirror image: the brightest lobe of a photograph, by its flanks where its middle is saturated.
+/// Finds the light's mirror image: the brightest lobe of a photograph. If its centre is saturated, the flanks determine
+/// its position.
 ///
 /// # Errors
-/// `Input` for a file that is no photograph, and for one without a lobe, or with two that are about as bright.
+/// `Input` for a file that is no photograph, and for photographs without a lobe or with two lobes of similar
+/// brightness.
 pub fn find_highlight(path: &Path) -> Result<Found> {
     let remedy = "give a photograph in which the light's mirror image is the only bright thing, or its place in pixels: --highlight X,Y";
     let white = match info(path)?.depth {

@@ -1,4 +1,4 @@
-//! `nacre calibrate geometry`: from what was photographed and measured to a `geometry.json`.
+//! `nacre calibrate geometry`: computes a `geometry.json` from photographs and manual measurements.
 
 use super::boards::{self, Calibrated, calibrate, name};
 use super::corners::{Board, View, find};
@@ -13,71 +13,73 @@ use nacre_image::Gray;
 use nacre_optics::geometry::{Geometry, load};
 use std::path::{Path, PathBuf};
 
-/// Where the camera comes from.
+/// Source of the camera parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraFrom {
-    /// A folder of photographs of a board.
+    /// Folder of photographs of a board.
     Boards(PathBuf, Board),
-    /// An earlier geometry.json, of which all is kept that is not measured again.
+    /// An earlier geometry.json; values that are not measured anew are kept.
     File(PathBuf),
-    /// The same as it was read.
+    /// The contents of an earlier geometry.json.
     Known(Box<Geometry>),
-    /// No calibration: the paper's way.
+    /// Relative geometry without a calibration (2018 paper, section 4.4).
     Ruler(Ruler),
 }
 
-/// Where the sample's pose comes from.
+/// Source of the sample's pose.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SampleFrom {
-    /// The camera's file, or the board in the first photograph.
+    /// The earlier geometry, or the board in the first photograph.
     Default,
-    /// A photograph of a board that lies on it, and the board's thickness in mm.
+    /// Photograph of a board lying on the sample, and the board's thickness in mm.
     Board(PathBuf, Board, f64),
-    /// Its corners (upper left, upper right, lower right, lower left) in pixels, its size in mm, and how far corners may be off in px.
+    /// Pixel positions of the sample's corners (upper left, upper right, lower right, lower left), its size in mm, and
+    /// the standard deviation of the corners in px.
     Corners([[f64; 2]; 4], [f64; 2], f64),
 }
 
-/// Where the panel comes from.
+/// Source of the panel's pose.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PanelFrom {
-    /// Middle in mm, turn in degrees, standard deviations of both.
+    /// Centre in mm, rotation in degrees, standard deviations of both.
     Hand([f64; 3], [f64; 3], [f64; 2]),
-    /// A photograph of it with a board in its middle (squares in panel pixels), how it is seen, and the mirror's height in mm.
+    /// Photograph of the panel with a board in its centre (squares in panel pixels), direct or mirrored view, and the
+    /// mirror's height in mm.
     Photograph(PathBuf, Board, View, f64),
 }
 
-/// What is wanted.
+/// Input of a geometry calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
-    /// The camera.
+    /// Source of the camera.
     pub camera: CameraFrom,
-    /// The sample.
+    /// Source of the sample's pose.
     pub sample: SampleFrom,
-    /// The panel, if it is wanted.
+    /// The panel, if requested.
     pub panel: Option<(Pixels, PanelFrom)>,
-    /// Highlights of the light; none when it is not wanted.
+    /// Highlights of the light; empty if the light is not requested.
     pub highlights: Vec<Highlight>,
-    /// What is known of the light besides.
+    /// Other measurements of the light.
     pub known: Known,
-    /// Wavelength and its standard deviation in nm, if it is known.
+    /// Wavelength and its standard deviation in nm, if known.
     pub wavelength_nm: Option<[f64; 2]>,
 }
 
-/// What was found.
+/// Result of a geometry calibration.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// For `geometry.json`.
+    /// Contents of `geometry.json`.
     pub geometry: Geometry,
-    /// How good it is.
+    /// Accuracy.
     pub report: Report,
-    /// The photographs of the board, where there were any.
+    /// Photographs of the board, if any.
     pub boards: Option<(Calibrated, Board)>,
 }
 
-/// Does it.
+/// Computes the geometry.
 ///
 /// # Errors
-/// `Input` for anything about files and numbers; `Cancelled`.
+/// `Input` for invalid files and numbers; `Cancelled`.
 pub fn calibrate_geometry(request: &Request, progress: &dyn Progress) -> Result<Outcome> {
     let mut report = Report::default();
     if !matches!(request.camera, CameraFrom::Boards(..)) {
@@ -91,7 +93,7 @@ pub fn calibrate_geometry(request: &Request, progress: &dyn Progress) -> Result<
     }
     progress.stage("placing sample, panel and light", 0);
     if let Some(placed) = placed(request, &geometry, &covariance, &mut report)? {
-        // What was known in the coordinates of another sample is known no longer.
+        // Positions in the coordinates of another sample are no longer valid.
         if geometry.panel.take().is_some() | geometry.light_mm.take().is_some() {
             report.warnings.push("the sample was placed anew: panel and light of the earlier file are left out".into());
         }
@@ -133,7 +135,7 @@ pub fn calibrate_geometry(request: &Request, progress: &dyn Progress) -> Result<
 
 type Start = (Geometry, Placed, CameraCovariance, Option<(Calibrated, Board)>);
 
-/// The camera, and the sample's pose that comes with it.
+/// The camera, and the pose of the sample known with it.
 fn camera(request: &Request, report: &mut Report, progress: &dyn Progress) -> Result<Start> {
     let known = |geometry: Geometry| {
         let turn = geometry.sigma.sample_turn_deg.unwrap_or_default().map(f64::to_radians);
@@ -179,7 +181,7 @@ fn camera(request: &Request, report: &mut Report, progress: &dyn Progress) -> Re
     }
 }
 
-/// The sample where it was placed anew.
+/// New pose of the sample.
 fn placed(
     request: &Request,
     geometry: &Geometry,
@@ -206,7 +208,7 @@ fn placed(
     Ok(Some(placed))
 }
 
-/// Corners of a board in a photograph of the camera.
+/// Corners of a board in a photograph by the camera.
 fn look(path: &Path, geometry: &Geometry, board: &Board, view: View) -> Result<Vec<[f64; 2]>> {
     let image = Gray::read(path)?;
     let size = [image.width as u32, image.height as u32];

@@ -1,4 +1,4 @@
-//! Where the light is: from its highlight in a mirror.
+//! Position of the light from its highlights in mirrors.
 
 use super::fit::nudged;
 use super::sample::Placed;
@@ -6,46 +6,46 @@ use nacre_base::{Error, Result};
 use nacre_optics::geometry::{Camera, Pose};
 use nalgebra::{Matrix2x3, Matrix3, Vector3, Vector6};
 
-/// Rounds at most, and when to stop, in mm.
+/// Maximum number of iterations, and step in mm at which they stop.
 const ROUNDS: usize = 50;
 const STILL: f64 = 1e-9;
 
-/// The light's distance is not known where its standard deviation is more than this part of it.
+/// Maximum relative standard deviation of the light's distance.
 const VAGUE: f64 = 0.25;
 
 /// A highlight in a flat mirror.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Highlight {
-    /// Where it is seen, in pixels.
+    /// Position in pixels.
     pub pixel: [f64; 2],
     /// Height of the mirror above the sample's origin, in mm.
     pub height_mm: f64,
-    /// Turn of the mirror about x and about y of the sample, in degrees.
+    /// Rotation of the mirror about x and about y of the sample, in degrees.
     pub tilt_deg: [f64; 2],
 }
 
-/// What is known besides highlights.
+/// Further measurements of the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Known {
-    /// How far a highlight may be off, in px.
+    /// Standard deviation of a highlight in px.
     pub sigma_px: f64,
-    /// Height of the light above the sample, and its standard deviation, in mm.
+    /// Height of the light above the sample and its standard deviation, in mm.
     pub height_mm: Option<[f64; 2]>,
 }
 
-/// The light's place in sample coordinates, and how well it is known.
+/// Position of the light in sample coordinates, with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlacedLight {
-    /// In mm.
+    /// Position in mm.
     pub mm: [f64; 3],
-    /// Standard deviations in mm: highlights, and the sample's pose.
+    /// Standard deviations in mm, from the highlights and the sample's pose.
     pub sigma_mm: [f64; 3],
-    /// Misfit per degree of freedom, where there is any: 1 is as expected.
+    /// Reduced χ², expected to be 1; `None` without degrees of freedom.
     pub chi2: Option<f64>,
 }
 
 impl Highlight {
-    /// A point of the mirror and its normal.
+    /// A point of the mirror, and its normal.
     fn plane(&self) -> (Vector3<f64>, Vector3<f64>) {
         let [x, y] = self.tilt_deg.map(f64::to_radians);
         let normal = Vector3::from(Pose::from_rotation_vector([x, 0.0, 0.0], [0.0; 3]).turn([0.0, 0.0, 1.0]));
@@ -53,7 +53,7 @@ impl Highlight {
         (Vector3::new(0.0, 0.0, self.height_mm), normal)
     }
 
-    /// Where a light is seen in the mirror.
+    /// Pixel of a light's mirror image.
     fn seen(&self, camera: &Camera, sample: &Pose, light: Vector3<f64>) -> Option<[f64; 2]> {
         let (point, normal) = self.plane();
         let height = (light - point).dot(&normal);
@@ -61,7 +61,7 @@ impl Highlight {
         (height > 0.0).then(|| camera.project(sample.apply(image.into())))?
     }
 
-    /// From where on the mirror, and along what, the light is.
+    /// Reflected ray: point on the mirror, and direction towards the light.
     fn ray(&self, camera: &Camera, sample: &Pose) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let back = sample.inverse();
         let (from, along) = (Vector3::from(back.translation_mm), Vector3::from(back.turn(camera.ray(self.pixel)?)));
@@ -72,11 +72,11 @@ impl Highlight {
     }
 }
 
-/// Finds the light that explains the highlights best: its mirror images, seen by the camera. One highlight tells a ray; a second one, in
-/// another mirror, or the light's height, tells the place on it.
+/// Least-squares position of the light from its mirror images. One highlight determines a ray. A second one in another
+/// mirror, or the light's height, determines the position along it.
 ///
 /// # Errors
-/// `Input` for highlights that no light causes, and where the distance stays unknown.
+/// `Input` for highlights inconsistent with any light, and for an undetermined distance.
 pub fn from_highlights(camera: &Camera, sample: &Placed, all: &[Highlight], known: &Known) -> Result<PlacedLight> {
     check(all, known)?;
     let mm = solve(camera, &sample.pose, all, known)?;
@@ -131,7 +131,7 @@ fn check(all: &[Highlight], known: &Known) -> Result<()> {
     }
 }
 
-/// Normal equations (matrix and right side), weighted.
+/// Weighted normal equations: matrix and right-hand side.
 struct Normal(Matrix3<f64>, Vector3<f64>);
 
 fn solve(camera: &Camera, sample: &Pose, all: &[Highlight], known: &Known) -> Result<Vector3<f64>> {
@@ -139,7 +139,7 @@ fn solve(camera: &Camera, sample: &Pose, all: &[Highlight], known: &Known) -> Re
     for _ in 0..ROUNDS {
         let (Normal(matrix, right), squares) = misfit(camera, sample, all, known, at)?;
         let Some(mut step) = matrix.try_inverse().map(|m| m * right) else { break };
-        // A step that makes it worse is shortened.
+        // A step that increases the residual is shortened.
         let better =
             |to: Vector3<f64>| misfit(camera, sample, all, known, to).is_ok_and(|(_, s)| s <= squares * (1.0 + 1e-12));
         while step.norm() > STILL && !better(at + step) {
@@ -153,7 +153,7 @@ fn solve(camera: &Camera, sample: &Pose, all: &[Highlight], known: &Known) -> Re
     Ok(at)
 }
 
-/// Nearest to all rays, or on the first at the known height.
+/// Start: the point nearest to all rays, or on the first ray at the known height.
 fn begin(camera: &Camera, sample: &Pose, all: &[Highlight], known: &Known) -> Result<Vector3<f64>> {
     let bad = |h: &Highlight| {
         let remedy = "check its pixel, and the mirror's height and tilt";
@@ -176,7 +176,7 @@ fn begin(camera: &Camera, sample: &Pose, all: &[Highlight], known: &Known) -> Re
     })
 }
 
-/// Normal equations and the sum of squares over variances, at a place.
+/// Normal equations and χ² at a position.
 fn misfit(camera: &Camera, sample: &Pose, all: &[Highlight], known: &Known, at: Vector3<f64>) -> Result<(Normal, f64)> {
     let gone = || Error::input("highlights", "are not those of one light", "check pixels, heights and tilts");
     let (mut matrix, mut right, mut squares) = (Matrix3::zeros(), Vector3::zeros(), 0.0);

@@ -1,4 +1,4 @@
-//! What a job is told of the light: its mirror images in photographs, and its spectrum.
+//! Options about the light: its mirror images in photographs, and its spectrum.
 
 use super::band::{Band, band_of};
 use super::highlight::find_highlight;
@@ -10,34 +10,34 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// How far off a place may be that is picked on a page, in px.
+/// Standard deviation in px of a position picked on the page.
 const PICKED_PX: f64 = 0.5;
 
-/// Half a nanometre is what a filter's data sheet is good for.
+/// Accuracy in nm of a filter's data sheet.
 const DATA_SHEET_NM: f64 = 0.5;
 
-/// Most mirrors.
+/// Maximum number of mirrors.
 const MOST: usize = 100;
 
-/// The light's mirror image: the photograph in which it is found, or its place there.
+/// Mirror image of the light: a photograph in which it is detected, or its position.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mirror {
-    /// A photograph in which it is the only bright thing.
+    /// Photograph in which the mirror image is the only bright object.
     #[serde(default)]
     pub file: Option<String>,
-    /// Its place in pixels, from the left and the top.
+    /// Position in pixels, from the left and the top.
     #[serde(default)]
     pub pixel: Option<[f64; 2]>,
     /// Height of the mirror above the sample, in mm.
     #[serde(default)]
     pub height_mm: f64,
-    /// Turn of the mirror about x and about y of the sample, in degrees.
+    /// Rotation of the mirror about x and about y of the sample, in degrees.
     #[serde(default)]
     pub tilt_deg: [f64; 2],
 }
 
-/// What is known of the light.
+/// Measurements of the light.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct LightOptions {
@@ -52,27 +52,28 @@ pub struct LightOptions {
     /// Standard deviation of the wavelength in nm (default: 0.5).
     #[schemars(extend("x-advanced" = true))]
     pub wavelength_sigma_nm: Option<f64>,
-    /// Spectrum of the lamp by name, with filter and response in place of the wavelength: E, A, D65, FL1 to FL12, LED-B1, LED-B3.
+    /// Spectrum of the lamp by name, with filter and response in place of the wavelength: E, A, D65, FL1 to FL12,
+    /// LED-B1, LED-B3.
     #[schemars(extend("x-advanced" = true))]
     pub lamp: Option<String>,
-    /// Transmission of the filter: pairs of nm and share.
+    /// Transmission of the filter: pairs of wavelength in nm and transmittance.
     #[schemars(extend("x-advanced" = true))]
     pub filter: Option<Vec<[f64; 2]>>,
-    /// Response of the camera's channel: pairs of nm and share.
+    /// Spectral response of the camera channel: pairs of wavelength in nm and response.
     #[schemars(extend("x-advanced" = true))]
     pub response: Option<Vec<[f64; 2]>>,
 }
 
-/// Where a mirror image was seen.
+/// Position of a mirror image.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Seen {
-    /// The photograph, if it was found in one.
+    /// Photograph, if the mirror image was detected in one.
     pub file: Option<String>,
-    /// In pixels from the left and the top.
+    /// Pixels from the left and the top.
     pub pixel: [f64; 2],
-    /// How far off it may be, in px.
+    /// Standard deviation in px.
     pub sigma_px: f64,
-    /// Height of the mirror, in mm.
+    /// Height of the mirror in mm.
     pub height_mm: f64,
 }
 
@@ -92,7 +93,7 @@ impl Mirror {
         }
     }
 
-    /// Where it is seen, in photographs of a folder that are as large as the camera's.
+    /// Position in a photograph of the folder, whose size must match the camera's.
     fn seen(&self, folder: &Path, camera_px: Option<[u32; 2]>) -> Result<Seen> {
         let (pixel, sigma_px) = match (&self.file, self.pixel) {
             (Some(file), _) => {
@@ -118,12 +119,12 @@ impl Mirror {
 }
 
 impl LightOptions {
-    /// Whether anything is to be measured.
+    /// True if the options request no measurement of the light.
     pub(super) fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Refuses what makes no sense, without looking at photographs.
+    /// Validates the options without reading photographs.
     pub(super) fn check(&self) -> Result<()> {
         if self.highlights.len() > MOST {
             return bad("highlights", format!("are {}", self.highlights.len()), "give at most 100 mirrors");
@@ -152,10 +153,10 @@ impl LightOptions {
         self.band().map(drop)
     }
 
-    /// The band of lamp, filter and camera, if any is given.
+    /// Spectral band of lamp, filter and camera, if any is given.
     pub(super) fn band(&self) -> Result<Option<Band>> {
         let lamp = match &self.lamp {
-            // A file of this machine is nobody's business.
+            // Named illuminants only: a job must not read arbitrary files of this machine.
             Some(name) => match Illuminant::named(name) {
                 Some(light) => Some(light.spectrum),
                 None => return bad("lamp", format!("is {name:.40}"), &format!("give one of {}", NAMES.join(", "))),
@@ -171,12 +172,12 @@ impl LightOptions {
         band_of(lamp, others)
     }
 
-    /// Wavelength and standard deviation in nm, as they are said.
+    /// Given wavelength and standard deviation in nm.
     pub(super) fn said_nm(&self) -> Option<[f64; 2]> {
         self.wavelength_nm.map(|nm| [nm, self.wavelength_sigma_nm.unwrap_or(DATA_SHEET_NM)])
     }
 
-    /// Where the mirror images are, and what is known besides.
+    /// Positions of the mirror images, and further measurements.
     pub(super) fn look(
         &self,
         folder: &Path,

@@ -1,4 +1,5 @@
-//! Where camera, sample, panel and light are: from photographs of chessboards, highlights, and what was measured by hand.
+//! Calibration of camera, sample, panel and light, from photographs of chessboards, highlights, and manual
+//! measurements.
 
 mod band;
 mod boards;

@@ -1,4 +1,4 @@
-//! A picture for people: a photograph of the board with the lens undone, and where the corners are and should be.
+//! Check picture: a photograph of the board without distortion, with detected and fitted corners.
 
 use super::boards::{Photograph, name};
 use super::corners::Board;
@@ -8,7 +8,7 @@ use nacre_image::{Canvas, Rgb};
 use nacre_optics::geometry::Camera;
 use rayon::prelude::*;
 
-/// Differences are drawn so many times as long as they are.
+/// Magnification of the drawn residuals.
 const LONGER: f64 = 20.0;
 
 const LINE: Rgb = [60, 160, 255];
@@ -16,11 +16,11 @@ const CORNER: Rgb = [0, 220, 60];
 const OFF: Rgb = [255, 60, 40];
 const STRIPE: usize = 22;
 
-/// Draws one. Rows and columns of the board are straight lines once the lens is undone: those drawn are the model's, crosses are the
-/// corners that were found, and red lines lead from a corner to the model, 20 times as long as in truth.
+/// Draws a check picture. After removal of distortion, rows and columns of the board are straight. The lines are those
+/// of the model, crosses are detected corners, and red lines show residuals magnified 20 times.
 ///
 /// # Errors
-/// `Input` when the photograph is no longer what it was.
+/// `Input` if the photograph has changed.
 pub fn overlay(photograph: &Photograph, camera: &Camera, board: &Board) -> Result<Canvas> {
     let image = Gray::read(&photograph.path)?;
     let (width, height) = (image.width, image.height);
@@ -69,10 +69,10 @@ pub fn overlay(photograph: &Photograph, camera: &Camera, board: &Board) -> Resul
     Ok(canvas)
 }
 
-/// A line a pixel wide.
+/// Draws a line one pixel wide.
 fn line(canvas: &mut Canvas, from: [f64; 2], to: [f64; 2], color: Rgb) {
     let length = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-    // Far outside of the picture nothing is to be seen.
+    // Lines far outside of the picture are invisible.
     if length.is_nan() || length >= 1e5 {
         return;
     }

@@ -1,4 +1,4 @@
-//! Where the panel is: measured by hand, or from a board that it shows, seen in a mirror on the sample or directly.
+//! Pose of the panel: measured by hand, or from a displayed board, seen in a mirror on the sample or directly.
 
 use super::corners::{Board, View};
 use super::fit::{nudged, pose_only};
@@ -8,30 +8,30 @@ use nacre_base::{Error, Result};
 use nacre_optics::geometry::{Camera, Panel, Pose};
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 
-/// A panel, and how well its place is known: standard deviations of turn (degrees) and middle (mm), about the sample's axes.
+/// Pose of a panel, with standard deviations of rotation (degrees) and centre (mm) along the sample's axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlacedPanel {
-    /// The panel.
+    /// Panel.
     pub panel: Panel,
-    /// Of its turn.
+    /// Standard deviations of the rotation in degrees.
     pub turn_deg: [f64; 3],
-    /// Of its middle.
+    /// Standard deviations of the centre in mm.
     pub mm: [f64; 3],
-    /// Root mean square distance from corner to model, in px; none when measured by hand.
+    /// Root mean square reprojection error in px; `None` for manual measurements.
     pub rms_px: Option<f64>,
 }
 
-/// A panel's pixels: width and height of one in mm, and how many there are.
+/// Pixels of a panel: size in mm, and number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pixels {
-    /// Width and height of a pixel.
+    /// Width and height of a pixel in mm.
     pub pixel_mm: [f64; 2],
-    /// Pixels per row and column.
+    /// Number of pixels per row and column.
     pub size_px: [u32; 2],
 }
 
-/// A panel whose middle is `at_mm` in sample coordinates. Unturned, its lit side looks straight down on the sample and its top points
-/// towards y; it is turned by `turn_deg` about x, then y, then z of the sample.
+/// Panel with its centre at `at_mm` in sample coordinates. Without rotation, its lit side faces straight down and its
+/// top points towards y. `turn_deg` rotates it about x, then y, then z of the sample.
 pub fn by_hand(
     pixels: Pixels,
     at_mm: [f64; 3],
@@ -56,25 +56,25 @@ pub fn by_hand(
     Ok(PlacedPanel { panel, turn_deg: [sigma_deg; 3], mm: [sigma_mm; 3], rms_px: None })
 }
 
-/// What a photograph of the panel shows.
+/// Photograph of a board on the panel.
 pub struct Shown<'a> {
-    /// Corners of the board, as [`find`](super::find) has them for the same view.
+    /// Corners of the board, as returned by [`find`](super::find) for the same view.
     pub corners: &'a [[f64; 2]],
-    /// The board in the middle of the panel; its squares in panel pixels, not mm.
+    /// Board in the centre of the panel; squares in panel pixels, not mm.
     pub board: Board,
-    /// Directly, or in a mirror.
+    /// Direct or mirrored view.
     pub view: View,
     /// Height of the mirror above the sample, in mm.
     pub mirror_mm: f64,
 }
 
-/// A panel from a photograph of a board that it shows, taken with the camera and over the sample that are known.
+/// Panel pose from a photograph of a displayed board, with known camera and sample.
 ///
-/// The mirror image of the panel is where the camera sees it; the mirror on the sample's plane takes it back. An error of the plane's
-/// tilt counts twice.
+/// The camera determines the pose of the panel's mirror image; reflection at the mirror yields the panel itself. An
+/// error of the mirror's tilt counts twice.
 ///
 /// # Errors
-/// `Input` when the corners are no view of such a panel.
+/// `Input` if the corners are inconsistent with such a panel.
 pub fn from_photograph(
     camera: &Camera,
     covariance: &CameraCovariance,
@@ -104,7 +104,7 @@ pub fn from_photograph(
     if shown.view == View::Mirrored && pose.translation_mm[2] <= shown.mirror_mm {
         return Err(bad("would lie below the mirror"));
     }
-    // Each way in which the two poses may be off, alone.
+    // Propagates each component of the two poses' uncertainty separately.
     let (mut turn, mut shift) = ([0.0; 3], [0.0; 3]);
     let mut add = |moved: Pose| {
         let by = Pose::of(moved.matrix() * pose.matrix().transpose(), [0.0; 3]).rotation_vector();
@@ -124,7 +124,7 @@ pub fn from_photograph(
     Ok(PlacedPanel { panel, turn_deg: turn.map(f64::sqrt), mm: shift.map(f64::sqrt), rms_px: Some(rms_px) })
 }
 
-/// The panel itself, from what is seen of it, in sample coordinates.
+/// Pose of the panel in sample coordinates, from that of its image.
 fn unmirrored(seen: &Pose, shown: &Shown<'_>) -> Pose {
     if shown.view == View::Direct {
         return *seen;

@@ -1,20 +1,20 @@
-//! A chessboard to print, or to show on the panel.
+//! Picture of a chessboard, to print or to display.
 
 use super::corners::Board;
 use nacre_base::{Error, Result};
 
-/// Pixels of a picture of a board of so many inner corners in the middle of `size_px`, with squares of `square_px`: 0 or 255, row 0 on
-/// top. The upper left square is dark.
+/// Picture of a board in the centre of `size_px`, with squares of `square_px` pixels: 0 or 255, top row first. The
+/// upper left square is dark.
 ///
 /// # Errors
-/// `Input` when it does not fit with a white margin of half a square.
+/// `Input` unless it fits with a white margin of half a square.
 pub fn board_picture(board: &Board, size_px: [u32; 2], square_px: u32) -> Result<Vec<u8>> {
     board.check()?;
     let squares = [board.columns as u32 + 1, board.rows as u32 + 1];
     let fits = square_px >= 4
         && size_px.iter().all(|n| (1..=16384).contains(n))
         && (0..2).all(|k| u64::from(squares[k] + 1) * u64::from(square_px) <= u64::from(size_px[k]));
-    // An odd margin would put the board half a pixel off the middle.
+    // An odd margin would displace the board by half a pixel from the centre.
     let even = (0..2).all(|k| (size_px[k] % 2) == (squares[k] % 2) * (square_px % 2));
     if !fits || !even {
         let problem = format!(

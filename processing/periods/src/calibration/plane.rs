@@ -3,11 +3,11 @@
 use nacre_optics::geometry::{Camera, Pose};
 use nalgebra::Matrix3;
 
-/// Pose of a plane z = 0 in front of a camera, from a homography of it in units of the focal length, lens undone.
+/// Pose of the plane z = 0 in front of a camera, from its homography in units of the focal length, without distortion.
 pub(super) fn pose(h: &Matrix3<f64>) -> Option<Pose> {
     let (a, b) = (h.column(0), h.column(1));
     let scale = 1.0 / (a.norm() * b.norm()).sqrt();
-    // The plane lies in front of the camera.
+    // The sign places the plane in front of the camera.
     let scale = if h[(2, 2)] < 0.0 { -scale } else { scale };
     let (a, b, t) = (a * scale, b * scale, h.column(2) * scale);
     let rough = Matrix3::from_columns(&[a, b, a.cross(&b)]);
@@ -16,7 +16,8 @@ pub(super) fn pose(h: &Matrix3<f64>) -> Option<Pose> {
     (scale.is_finite() && turn.determinant() > 0.0).then(|| Pose::of(turn, t.into()))
 }
 
-/// Directions of pixels in units of the focal length, lens undone; none where the lens has none.
+/// Directions of pixels in units of the focal length, without distortion; `None` where the distortion model has no
+/// inverse.
 pub(super) fn straightened(camera: &Camera, pixels: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
     pixels.iter().map(|p| camera.ray(*p).map(|r| [r[0] / r[2], r[1] / r[2]])).collect()
 }

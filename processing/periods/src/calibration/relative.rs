@@ -1,30 +1,31 @@
-//! The 2018 paper's way without a calibration (section 4.4): one known length on the sample, two distances, the picture's middle.
+//! Relative geometry without a calibration (2018 paper, section 4.4), from one known length on the sample, two
+//! distances, and the picture's centre.
 
 use nacre_base::{Error, Result};
 use nacre_optics::geometry::{Camera, Geometry, Pose, Uncertainty};
 
-/// What was measured with a ruler.
+/// Manual measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ruler {
     /// Width and height of the photograph in pixels.
     pub image_px: [usize; 2],
-    /// Two places in it.
+    /// Two positions in pixels.
     pub places_px: [[f64; 2]; 2],
-    /// How far they are apart on the sample.
+    /// Their distance on the sample in mm.
     pub apart_mm: f64,
-    /// From the sample to the camera, which looks straight down.
+    /// Distance in mm from the sample to the camera, which looks straight down.
     pub camera_mm: f64,
-    /// From the sample to the light.
+    /// Distance from the sample to the light in mm.
     pub light_mm: f64,
-    /// Where the light's highlight is seen.
+    /// Position of the light's highlight in pixels.
     pub highlight_px: [f64; 2],
 }
 
-/// The geometry that follows, for a camera without a lens over the middle of its picture. It is relative: what a wrong distance or
-/// length makes of periods is a factor that all of them share, about.
+/// Geometry of a camera without distortion above the centre of its picture. Periods are relative: an error of a
+/// distance or length scales all of them by approximately the same factor.
 ///
 /// # Errors
-/// `Input`, which names the number that makes no sense.
+/// `Input`, naming the invalid number.
 pub fn relative(ruler: &Ruler) -> Result<Geometry> {
     let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
     for (what, mm) in
@@ -53,7 +54,7 @@ pub fn relative(ruler: &Ruler) -> Result<Geometry> {
         translation_mm: [0.0, 0.0, ruler.camera_mm],
     };
     let mut geometry = Geometry::new(camera, down);
-    // The highlight divides the way from camera to light as their heights do.
+    // The highlight divides the line from camera to light in the ratio of their heights.
     let share = (ruler.camera_mm + ruler.light_mm) / ruler.camera_mm;
     let mm = ruler.apart_mm / apart_px;
     let place = [(ruler.highlight_px[0] - center[0]) * mm, (center[1] - ruler.highlight_px[1]) * mm];

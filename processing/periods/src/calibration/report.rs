@@ -1,33 +1,33 @@
-//! What a calibration says of itself.
+//! Report of a calibration.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// How good a geometry is; standard deviations are in the geometry.
+/// Accuracy of a geometry; standard deviations are in the geometry itself.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 #[schemars(rename = "CalibrationErrors")]
 pub struct Report {
-    /// Root mean square distance from corner to model over all photographs of the board, in px.
+    /// Root mean square reprojection error over all photographs of the board, in px.
     pub rms_px: Option<f64>,
     /// Each photograph of the board.
     pub photographs: Vec<PhotographReport>,
-    /// The same of what lies on the sample.
+    /// Root mean square reprojection error of the board on the sample, in px.
     pub sample_rms_px: Option<f64>,
-    /// The same of the board that the panel shows.
+    /// Root mean square reprojection error of the board on the panel, in px.
     pub panel_rms_px: Option<f64>,
-    /// Misfit of the highlights per degree of freedom; 1 is as expected.
+    /// Reduced χ² of the highlights, expected to be 1.
     pub light_chi2: Option<f64>,
-    /// What to beware of.
+    /// Limitations of the result.
     pub warnings: Vec<String>,
 }
 
 /// A photograph of the board.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct PhotographReport {
-    /// Its name.
+    /// File name.
     pub file: String,
-    /// Root mean square distance from corner to model, in px.
+    /// Root mean square reprojection error in px.
     pub rms_px: Option<f64>,
-    /// Why it could not be used.
+    /// Reason for rejection.
     pub unused_because: Option<String>,
 }

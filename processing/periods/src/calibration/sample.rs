@@ -1,4 +1,4 @@
-//! Where the sample is: from a board that lies on it, or from its four corners.
+//! Pose of the sample, from a board lying on it or from its four corners.
 
 use super::corners::Board;
 use super::fit::{CAMERA, pose_only};
@@ -7,25 +7,25 @@ use nacre_base::{Error, Result};
 use nacre_optics::geometry::{Camera, Geometry, Pose};
 use nalgebra::SMatrix;
 
-/// Covariance of a camera's numbers: fx, fy, cx, cy, k1, k2, p1, p2, k3.
+/// Covariance of fx, fy, cx, cy, k1, k2, p1, p2, k3.
 pub type CameraCovariance = SMatrix<f64, CAMERA, CAMERA>;
 
-/// What the corner of a board is off by at the least, in px.
+/// Lower bound of a board corner's error in px.
 pub(super) const CORNER_PX: f64 = 0.05;
 
-/// A pose and how well it is known.
+/// A pose with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placed {
-    /// To camera coordinates.
+    /// From sample to camera coordinates.
     pub pose: Pose,
-    /// Standard deviations: turn about the camera's axes in rad, shift in mm.
+    /// Standard deviations: rotation about the camera's axes in rad, translation in mm.
     pub sigma: [f64; 6],
-    /// Root mean square distance from corner to model, in px.
+    /// Root mean square reprojection error in px.
     pub rms_px: f64,
 }
 
-/// Covariance of a camera that came with standard deviations only. The lens's numbers trade against each other, so that taken alone
-/// they would say far too much: they are left out.
+/// Covariance of a camera with known standard deviations only. The distortion coefficients are omitted: they are
+/// strongly correlated, so that independent errors would be far too large.
 pub fn camera_covariance(geometry: &Geometry) -> CameraCovariance {
     let mut all = CameraCovariance::zeros();
     let (focal, center) = (geometry.sigma.focal_px.unwrap_or_default(), geometry.sigma.center_px.unwrap_or_default());
@@ -36,11 +36,11 @@ pub fn camera_covariance(geometry: &Geometry) -> CameraCovariance {
     all
 }
 
-/// Pose of a sample on which a board lies, `thickness_mm` high: origin in the board's middle, x along that of its axes that is nearest to
-/// image right.
+/// Pose of a sample below a board of thickness `thickness_mm`. The origin is the board's centre; x is the board axis
+/// closest to the right of the image.
 ///
 /// # Errors
-/// `Input` when the corners are no view of a board.
+/// `Input` if the corners are inconsistent with a board.
 pub fn from_board(
     camera: &Camera,
     covariance: &CameraCovariance,
@@ -60,11 +60,11 @@ pub fn from_board(
     facing(&placed.pose).then_some(placed).ok_or_else(bad)
 }
 
-/// Pose of a sample from where its corners are seen: upper left, upper right, lower right, lower left. `sigma_px`: how far they may be
-/// off, as they were found or clicked.
+/// Pose of a sample from its corners: upper left, upper right, lower right, lower left. `sigma_px` is the standard
+/// deviation of detected or picked corners.
 ///
 /// # Errors
-/// `Input` for corners in another order, and sizes that make no sense.
+/// `Input` for corners in another order, and for invalid sizes.
 pub fn from_corners(
     camera: &Camera,
     covariance: &CameraCovariance,
@@ -96,12 +96,12 @@ pub fn from_corners(
     facing(&pose).then(|| Placed { pose, sigma: sigmas(&all), rms_px }).ok_or_else(order)
 }
 
-/// Whether the side that z points out of is the one that is seen.
+/// True if the side towards +z is visible.
 fn facing(pose: &Pose) -> bool {
     pose.inverse().translation_mm[2] > 0.0
 }
 
-/// Turned by quarters about its normal until x is nearest to image right.
+/// Rotates by multiples of 90° about the normal until x is closest to the right of the image.
 fn upright(pose: &Pose) -> Pose {
     let turned = |quarters: u32| {
         let angle = f64::from(quarters) * std::f64::consts::FRAC_PI_2;

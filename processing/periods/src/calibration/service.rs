@@ -1,5 +1,5 @@
-//! Calibration as a job: photographs of a board, or of a light in mirrors, to a `geometry.json`, pictures of what was found, and a report in a
-//! new folder.
+//! Calibration as an operation: from photographs of a board, or of a light in mirrors, to a `geometry.json`, check
+//! pictures and a report in a new folder.
 
 use super::band::Band;
 use super::boards::Calibrated;
@@ -19,7 +19,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// How far corners are off that are picked on a page that shows where the pointer is, in px.
+/// Standard deviation in px of corners picked on the page, which shows the pointer's position.
 const CORNER_SIGMA_PX: f64 = 0.5;
 
 /// Calibrate a camera, the pose of the sample and the position of the light.
@@ -32,16 +32,17 @@ pub struct Options {
     pub board: [usize; 2],
     /// Size of a square in mm.
     pub square_mm: f64,
-    /// Corners of the sample (upper left, upper right, lower right, lower left) in pixels; default: it lies where the first board does.
+    /// Corners of the sample (upper left, upper right, lower right, lower left) in pixels; default: it lies where the
+    /// first board does.
     #[schemars(extend("x-advanced" = true))]
     pub sample_corners_px: Option<[[f64; 2]; 4]>,
     /// Width and height of the sample in mm, which go with its corners.
     #[schemars(extend("x-advanced" = true))]
     pub sample_mm: Option<[f64; 2]>,
-    /// An earlier geometry.json, of which all is kept that is not measured again; then there are no photographs of a board.
+    /// An earlier geometry.json: values that are not measured anew are kept, and no photographs of a board are needed.
     #[schemars(extend("x-file" = true))]
     pub geometry: Option<Box<Geometry>>,
-    /// What is known of the light.
+    /// Measurements of the light.
     #[serde(flatten)]
     pub light: LightOptions,
 }
@@ -59,21 +60,21 @@ impl Default for Options {
     }
 }
 
-/// What was found.
+/// Result of a calibration.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "CalibrateReport")]
 pub struct Calibration {
     /// `calibrate`.
     pub method: &'static str,
-    /// Where everything is.
+    /// Calibrated geometry.
     pub geometry: Geometry,
-    /// How good it is.
+    /// Accuracy.
     #[serde(flatten)]
     pub report: Report,
-    /// Where the light was seen in mirrors.
+    /// Mirror images of the light.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub highlights: Vec<Seen>,
-    /// The band of light, where spectra told it.
+    /// Spectral band, if spectra are given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub band: Option<Band>,
 }
@@ -88,7 +89,7 @@ impl Summary for Calibration {
     }
 }
 
-/// What a calibration by the photographs of a folder needs.
+/// Predicted work of a calibration from the photographs of a folder.
 pub fn work(folder: &Path, photographs: bool) -> Work {
     let files = if photographs { nacre_image::photographs(folder).unwrap_or_default() } else { vec![] };
     let first = files.first().and_then(|name| nacre_image::info(&folder.join(name)).ok());
@@ -121,10 +122,10 @@ impl Options {
         })
     }
 
-    /// Refuses what makes no sense.
+    /// Validates the options.
     ///
     /// # Errors
-    /// `Input`, which names the option.
+    /// `Input`, naming the option.
     pub fn check(&self) -> Result<()> {
         self.light.check()?;
         match &self.geometry {
@@ -148,7 +149,7 @@ impl Options {
         self.request(Path::new("")).map(drop)
     }
 
-    /// Whether there is nothing to be looked at in photographs.
+    /// True if the options require no photographs.
     fn needs_no_photographs(&self) -> bool {
         self.geometry.is_some() && self.light.highlights.iter().all(|m| m.file.is_none())
     }
@@ -160,7 +161,8 @@ impl Operation for Options {
     const INPUT: Input = Input::FilesOrNothing;
     type Report = Calibration;
 
-    /// The input is a folder of photographs, or empty where an earlier geometry is continued without any.
+    /// Validates the options for a folder of photographs, or for no input if an earlier geometry is extended without
+    /// photographs.
     fn check_options(&self) -> Result<()> {
         self.check()
     }
@@ -202,10 +204,10 @@ impl Operation for Options {
     }
 }
 
-/// Draws each photograph of the board with what was found in it, and answers with the files' names.
+/// Draws each photograph of the board with its corners; returns the file names.
 ///
 /// # Errors
-/// `Input` for a photograph that cannot be read again; `Output`.
+/// `Input` for a photograph that can no longer be read; `Output`.
 pub fn write_overlays(folder: &OutputFolder, boards: &Calibrated, board: &Board) -> Result<Vec<String>> {
     let mut names = vec![];
     for photograph in &boards.used {

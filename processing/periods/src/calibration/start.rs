@@ -1,13 +1,13 @@
-//! A first camera from homographies (Zhang 2000, section 3.1), to be refined.
+//! Initial camera from homographies (Zhang 2000, section 3.1).
 
 use super::plane::{pose, straightened};
 use nacre_image::homography;
 use nacre_optics::geometry::{Camera, Pose};
 use nalgebra::{DMatrix, Matrix3, Vector6};
 
-/// A camera without a lens that fits the homographies of three poses or more; none when the poses do not tell.
+/// Camera without distortion from the homographies of at least three poses; `None` if they do not determine it.
 pub(super) fn camera(homographies: &[Matrix3<f64>], [width, height]: [usize; 2]) -> Option<Camera> {
-    // In units in which all numbers are near 1.
+    // In units that keep all values near 1.
     let size = width.max(height) as f64;
     let middle = [0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0)];
     let unit = Matrix3::new(1.0 / size, 0.0, -middle[0] / size, 0.0, 1.0 / size, -middle[1] / size, 0.0, 0.0, 1.0);
@@ -33,12 +33,12 @@ fn row(h: &Matrix3<f64>, i: usize, j: usize) -> Vector6<f64> {
     )
 }
 
-/// Focal lengths and centre, without skew.
+/// Focal lengths and principal point, without skew.
 fn free(homographies: &[Matrix3<f64>]) -> Option<[f64; 4]> {
     let mut rows = DMatrix::zeros(2 * homographies.len(), 5);
     for (k, h) in homographies.iter().enumerate() {
         for (line, all) in [row(h, 0, 1), row(h, 0, 0) - row(h, 1, 1)].iter().enumerate() {
-            // No skew: b12 is 0.
+            // Without skew, b12 is 0.
             for (to, from) in [0, 2, 3, 4, 5].into_iter().enumerate() {
                 rows[(2 * k + line, to)] = all[from];
             }
@@ -55,7 +55,7 @@ fn free(homographies: &[Matrix3<f64>]) -> Option<[f64; 4]> {
     (sensible && (0.5..2.0).contains(&(fx / fy))).then_some([fx, fy, cx, cy])
 }
 
-/// One focal length, the centre in the middle: where the poses do not tell more.
+/// One focal length, with the principal point in the image centre, for poses that do not determine more.
 fn centered(homographies: &[Matrix3<f64>]) -> Option<[f64; 4]> {
     // Both equations are linear in 1/f².
     let (mut square, mut product) = (0.0, 0.0);
@@ -66,12 +66,13 @@ fn centered(homographies: &[Matrix3<f64>]) -> Option<[f64; 4]> {
         }
     }
     let f = (square / product).sqrt();
-    // What is seen straight on tells nothing: anything will do to begin with, and the fit says how little is known.
+    // Frontal views do not determine the focal length. Any start value serves; the fit then reports a large
+    // uncertainty.
     let f = if (0.2..20.0).contains(&f) { f } else { 1.2 };
     Some([f, f, 0.0, 0.0])
 }
 
-/// Pose of a board for a camera.
+/// Pose of a board for a given camera.
 pub(super) fn board_pose(camera: &Camera, places: &[[f64; 2]], pixels: &[[f64; 2]]) -> Option<Pose> {
     pose(&homography(places, &straightened(camera, pixels)?)?)
 }

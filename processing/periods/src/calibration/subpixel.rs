@@ -1,21 +1,21 @@
-//! A corner to a fraction of a pixel.
+//! Subpixel refinement of a corner.
 
 use nacre_image::Gray;
 use nalgebra::{Matrix2, Vector2};
 
-/// Half the window's side: of the distance to the next corner, and at most so many pixels.
+/// Half the window's side: fraction of the distance to the next corner, and upper bound in pixels.
 const SHARE: f64 = 0.35;
 const WIDEST: f64 = 14.0;
 const NARROWEST: f64 = 2.0;
 
-/// Rounds at most, and when to stop, in pixels.
+/// Maximum number of iterations, and step in pixels at which they stop.
 const ROUNDS: usize = 30;
 const STILL: f64 = 1e-4;
 
-/// Moves a corner to where all edges around it point; none if that is far off.
+/// Moves a corner to the intersection of all edges around it; `None` if that is far away.
 ///
-/// On an edge through the corner q the gradient g at p is perpendicular to p - q: `Σ w g gᵀ q = Σ w g gᵀ p` (Förstner and Gülch
-/// 1987), with gradients of the pixels about q, again until q rests.
+/// On an edge through the corner q, the gradient g at p is perpendicular to p - q: `Σ w g gᵀ q = Σ w g gᵀ p` (Förstner
+/// and Gülch 1987). Iterated with the gradients around the new q until it converges.
 pub(super) fn refine(image: &Gray, start: [f64; 2], spacing: f64) -> Option<[f64; 2]> {
     let half = (SHARE * spacing).clamp(NARROWEST, WIDEST);
     let reach = half.ceil() as i64;
@@ -37,8 +37,7 @@ pub(super) fn refine(image: &Gray, start: [f64; 2], spacing: f64) -> Option<[f64
             }
         }
         let step = matrix.try_inverse()? * right;
-        // Singular but for rounding: edges in one direction only.
-        // False for NaN.
+        // The matrix is nearly singular if all edges are parallel. The comparison is false for NaN.
         let near = step.norm() < 2.0 * half;
         if !near {
             return None;

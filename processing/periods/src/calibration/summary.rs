@@ -1,4 +1,4 @@
-//! A calibration in a few lines.
+//! Text summary of a calibration.
 
 use super::band::Band;
 use super::report::Report;

@@ -1,32 +1,33 @@
-//! Neighbours that agree: what a polygon's pixels say together.
+//! Regularisation over neighbouring pixels of the same grating.
 //!
-//! At an edge copies see more or less of a polygon, by where their pixels lie, so that its outermost pixels are known less well than those
-//! beside them, which have the same grooves. Each pixel becomes the mean of its neighbours that agree with it, weighted by their variance;
-//! its σ is not smaller for it, since neighbours share much of their error. A pixel that few neighbours agree with is masked: copies
-//! that lie beside each other make such pixels, print seldom does.
+//! Near an edge, copies cover different fractions of a polygon, depending on their pixel grids. The outermost pixels
+//! are therefore less accurate than their inner neighbours with the same grating. Each pixel becomes the
+//! inverse-variance weighted mean of the neighbours that agree with it. Its σ is not reduced, because neighbours share
+//! much of their error. A pixel that few neighbours agree with is masked: such pixels result from overlapping copies,
+//! but rarely from print.
 
 use super::fit::{Found, Grating, Why};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Neighbours agree within so many standard deviations.
+/// Maximum difference, in standard deviations, of neighbours that agree.
 const AGREE: f64 = 4.0;
 
-/// Neighbours that must agree with a pixel for it to be believed: where two polygons meet, a few pixels see both, and what explains them is
-/// neither; they come in pairs that agree with each other.
+/// Minimum number of agreeing neighbours of an unmasked pixel. At an edge between polygons a few pixels see both, and
+/// the fitted grating is neither; they occur in pairs that agree.
 const VOUCHING: usize = 3;
 
-/// At an edge each copy sees a part of its own of the polygon beside, so that its light scatters more than the fit knows: σ is so
-/// many times as large. Measured on simulated sheets.
+/// Factor on σ near an edge: each copy covers a different fraction of the adjacent polygon, which increases scatter
+/// beyond the fit's estimate. Measured on simulated sheets.
 const AT_EDGE: f64 = 3.0;
 
-/// How far that reaches, in pixels.
+/// Width of that border in pixels.
 const REACH: usize = 2;
 
-/// Share of the places with light that must have one grating for any of them to be believed.
+/// Minimum fraction of lit positions with a single grating; below, all are masked.
 const BELIEVED: f64 = 0.2;
 
-/// Masks all where few places with light have one grating: the others are then found by chance, as where periods lie outside of the range
-/// that is looked at.
+/// Masks all pixels if few lit positions have a single grating. The remaining ones are then accidental, for instance
+/// because true periods lie outside of the searched range.
 pub(super) fn believed(found: Vec<Found>) -> Vec<Found> {
     let count = |wanted: &dyn Fn(&Found) -> bool| found.iter().filter(|f| wanted(f)).count() as f64;
     let gratings = count(&|f| matches!(f, Found::Grating(_)));
@@ -38,7 +39,7 @@ pub(super) fn believed(found: Vec<Found>) -> Vec<Found> {
     found.into_iter().map(none).collect()
 }
 
-/// Means over neighbours that agree.
+/// Weighted means over neighbours that agree.
 pub(super) fn agreed(found: &[Found], width: usize) -> Vec<Found> {
     let height = found.len() / width.max(1);
     let at = |i: usize| {
@@ -62,7 +63,7 @@ pub(super) fn agreed(found: &[Found], width: usize) -> Vec<Found> {
     (0..found.len()).map(at).collect()
 }
 
-/// Whether something else, or the tile's end, is near.
+/// True if another grating, or the tile's border, is nearby.
 fn at_edge(found: &[Found], width: usize, i: usize, own: &Grating) -> bool {
     let (x, y, height) = (i % width, i / width, found.len() / width);
     let ends = x < REACH || y < REACH || x + REACH >= width || y + REACH >= height;
@@ -70,13 +71,13 @@ fn at_edge(found: &[Found], width: usize, i: usize, own: &Grating) -> bool {
     ends || !(y - REACH..=y + REACH).all(|v| (x - REACH..=x + REACH).all(|u| same(v * width + u)))
 }
 
-/// Pixels whose neighbours all have the same grating.
+/// Pixels with the same grating in their whole neighbourhood.
 pub(super) fn firm(found: &[Found], width: usize) -> Vec<bool> {
     let of = |i: usize| matches!(&found[i], Found::Grating(own) if !at_edge(found, width, i, own));
     (0..found.len()).map(of).collect()
 }
 
-/// `to - from`, the short way around.
+/// Angle from `from` to `to`, by the shorter way.
 fn turn(from: f64, to: f64) -> f64 {
     (to - from + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2
 }
@@ -113,7 +114,7 @@ mod tests {
 
     #[test]
     fn polygons_keep_their_own_and_lonely_pixels_are_masked() {
-        // Two polygons, either side of the seam at 180°, an uncertain pixel at the edge, and one that is like neither.
+        // Two polygons on both sides of the wrap at 180°, an uncertain pixel at the edge, and an outlier.
         let mut map: Vec<Found> = (0..36).map(|i| grating(if i % 6 < 3 { 0.01 } else { 3.0 }, 0.001)).collect();
         map[14] = grating(0.01 - 0.02 + PI, 0.01);
         map[22] = grating(1.5, 0.001);

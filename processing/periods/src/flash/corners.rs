@@ -1,22 +1,23 @@
-//! Corners of a sheet that is brighter or darker than what it lies on.
+//! Corner detection of a sheet that is brighter or darker than its background.
 
 use super::photographs::Photograph;
 use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 
-/// Least part of the picture that a sheet takes up.
+/// Minimum area of a sheet relative to the picture.
 const LEAST: f64 = 0.05;
 
-/// Part of the way from the ground to what is bright, from which there is a sheet.
+/// Threshold of the sheet, as a fraction of the difference between background and bright level.
 const RISE: f32 = 0.12;
 
-/// Rounds in which points far from a line are left out.
+/// Iterations of outlier rejection in line fits.
 const ROUNDS: usize = 6;
 
-/// Corners in pixels, from the top left one clockwise, of the largest bright area: lines through its four borders.
+/// Corner pixels, clockwise from the top left, of the largest bright area: intersections of lines fitted to its four
+/// borders.
 ///
 /// # Errors
-/// `Input` when there is no such area within the picture.
+/// `Input` without such an area in the picture.
 pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
     let lost = || {
         let problem = "the corners of the sheet were not found in the photograph by room light";
@@ -25,7 +26,7 @@ pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
     let (width, height) = (room.width, room.height);
     let parted = otsu(&room.light).ok_or_else(lost)?;
     let at = |x: usize, y: usize| room.light[y * width + x];
-    // What is printed may be dark: the sheet begins where it is brighter than the picture's border.
+    // Print may be dark, so the threshold refers to the brightness at the picture's border.
     let border = (0..width)
         .flat_map(|x| [at(x, 0), at(x, height - 1)])
         .chain((0..height).flat_map(|y| [at(0, y), at(width - 1, y)]));
@@ -38,7 +39,7 @@ pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
     if bright_level <= ground || (count as f64) < LEAST * (width * height) as f64 {
         return Err(lost());
     }
-    // Between which rows and columns most of it lies, so that a speck elsewhere does not matter.
+    // Range of rows and columns that holds most of the area, so that specks elsewhere do not matter.
     let rows: Vec<usize> = (0..height).map(|y| (0..width).filter(|x| bright(*x, y)).count()).collect();
     let columns: Vec<usize> = (0..width).map(|x| (0..height).filter(|y| bright(x, *y)).count()).collect();
     let inner = |counts: &[usize]| {
@@ -58,7 +59,7 @@ pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
         |back| line(trim(left, right).filter_map(|x| Some([x as f64, from(height, back, &|y| at(x, y))?])).collect());
     let sides = [level(false), upright(true), level(true), upright(false)];
     let [Some(above), Some(right), Some(below), Some(left)] = sides else { return Err(lost()) };
-    // x = a + b y and y = c + d x.
+    // Intersection of x = a + b y and y = c + d x.
     let meet = |[a, b]: [f64; 2], [c, d]: [f64; 2]| {
         let y = (c + d * a) / (1.0 - b * d);
         [a + b * y, y]
@@ -68,7 +69,7 @@ pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
     if corners.iter().all(within) { Ok(corners) } else { Err(lost()) }
 }
 
-/// Where a profile comes half-way from the ground to what it reaches just inside.
+/// Position where a profile crosses the midpoint between background and the level just inside.
 fn edge(length: usize, [ground, threshold]: [f32; 2], profile: &dyn Fn(usize) -> f32) -> Option<f64> {
     let first = (0..length).find(|k| profile(*k) > threshold)?;
     let top = (first..(first + 5).min(length)).map(profile).fold(threshold, f32::max);
@@ -78,7 +79,7 @@ fn edge(length: usize, [ground, threshold]: [f32; 2], profile: &dyn Fn(usize) ->
     Some(inside as f64 - f64::from((inner - half) / (inner - outer).max(f32::MIN_POSITIVE)))
 }
 
-/// The level that parts dark from bright best (Otsu 1979).
+/// Threshold that best separates dark from bright (Otsu 1979).
 fn otsu(light: &[f32]) -> Option<f32> {
     const BINS: usize = 256;
     let finite = || light.iter().copied().filter(|v| v.is_finite());
@@ -102,7 +103,7 @@ fn otsu(light: &[f32]) -> Option<f32> {
     Some(low + (high - low) * (best.1 + 1) as f32 / BINS as f32)
 }
 
-/// `[a, b]` of v = a + b u through points (u, v), most of which lie on it.
+/// `[a, b]` of the line v = a + b u through points (u, v), robust against outliers.
 fn line(points: Vec<[f64; 2]>) -> Option<[f64; 2]> {
     let mut used = points;
     let mut found = None;
@@ -133,13 +134,13 @@ mod tests {
     fn a_turned_sheet_with_dark_print_is_found() {
         let (width, height) = (240, 200);
         let inside = |x: f64, y: f64| {
-            // Turned by a twentieth.
+            // Rotated by a slope of 1/20.
             let (u, v) = (x + 0.05 * y, y - 0.05 * x);
             (30.0..210.0).contains(&u) && (25.0..165.0).contains(&v)
         };
         let pixel = |i: usize| {
             let (x, y) = ((i % width) as f64, (i / width) as f64);
-            // Dark spots, also at the border, and a bright speck beside.
+            // Dark spots, also at the border, and a bright speck outside.
             let print = if (i * 7919_usize).is_multiple_of(23) { 0.1 } else { 0.6 };
             if inside(x, y) {
                 print
@@ -152,7 +153,8 @@ mod tests {
         let light: Vec<f32> = (0..width * height).map(pixel).collect();
         let room = Photograph { width, height, variance: vec![0.0; light.len()], light };
         let found = find(&room).unwrap();
-        // u = 30, v = 25: x + 0.05 y = 30, y - 0.05 x = 25, less half a pixel for the first one inside.
+        // Expected corner: x + 0.05 y = 30 and y - 0.05 x = 25, minus half a pixel, because the first pixel inside
+        // counts.
         let meet = |u: f64, v: f64| [(u - 0.05 * v) / 1.0025, (v + 0.05 * u) / 1.0025];
         let corners = [meet(30.0, 25.0), meet(210.0, 25.0), meet(210.0, 165.0), meet(30.0, 165.0)];
         for (a, b) in found.iter().zip(corners) {

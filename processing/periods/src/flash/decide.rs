@@ -1,29 +1,29 @@
-//! One period for the sheet, or one per pixel: whichever has more evidence.
+//! Model selection: one common period, or one period per pixel.
 
 use super::fit::{Found, Grating};
 use super::report::PeriodReport;
 use super::settings::PeriodChoice;
 
-/// What lobes that are not quite Gaussian may do to a period, over itself, alike for a whole polygon.
+/// Relative systematic error of a period from non-Gaussian lobes, common to a polygon.
 const COMMON: f64 = 0.004;
 
-/// Parts of a tile along each axis that are compared.
+/// Number of parts of a tile along each axis that are compared.
 const PARTS: usize = 6;
 
-/// Gratings further from the common one than so many of their own σ do not count for it.
+/// Distance from the common length, in standard deviations, above which a grating is an outlier.
 const OUTSIDE: f64 = 4.0;
 
-/// Fewest gratings that a decision rests on.
+/// Minimum number of gratings for a decision.
 const FEWEST: usize = 12;
 
-/// Length of grating vectors that all share, and what speaks for it.
+/// Common length of grating vectors, and the evidence for it.
 pub(super) struct Decision {
-    /// λ/a and its σ; none for one per pixel.
+    /// λ/a and its σ; `None` for one length per pixel.
     pub shared: Option<[f64; 2]>,
     pub report: PeriodReport,
 }
 
-/// Weighted mean of lengths and its σ, without what lies outside.
+/// Weighted mean length and its σ, without outliers.
 fn mean(all: &[(&Grating, usize)], uneven: f64) -> Option<[f64; 2]> {
     let mut lengths: Vec<f64> = all.iter().map(|(g, _)| g.length).collect();
     lengths.sort_by(f64::total_cmp);
@@ -46,7 +46,7 @@ fn mean(all: &[(&Grating, usize)], uneven: f64) -> Option<[f64; 2]> {
     Some([middle, sigma])
 }
 
-/// Squares that one length leaves over, each over its variance.
+/// χ² of the lengths about a common length.
 fn squares(all: &[(&Grating, usize)], length: f64, uneven: f64) -> f64 {
     let one = |g: &Grating| {
         let variance = g.length_sigma.powi(2) + (uneven * g.length).powi(2);
@@ -55,8 +55,8 @@ fn squares(all: &[(&Grating, usize)], length: f64, uneven: f64) -> f64 {
     all.iter().map(|(g, _)| one(g)).sum()
 }
 
-/// Decides by the Bayesian information criterion: one period, one for each of 6 × 6 parts of the tile (all that a gradual change needs
-/// to be seen), or one per pixel. `uneven` is what the geometry may do to periods, over themselves.
+/// Selects by the Bayesian information criterion: one period, one for each of 6 × 6 parts of the tile (which suffices
+/// to detect gradual change), or one per pixel. `uneven` is the relative error of periods due to the geometry.
 pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice, uneven: f64) -> Decision {
     let uneven = COMMON.hypot(uneven);
     let height = found.len() / width.max(1);
@@ -101,7 +101,7 @@ pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice, uneven
         (PeriodChoice::Auto, false) => "periods differ from pixel to pixel by more than they are uncertain".into(),
         _ => "as asked for".into(),
     };
-    // What polygons do alike is not averaged beyond the parts of the tile.
+    // Errors common to a polygon do not average out beyond the parts of the tile.
     let common =
         sigma.max(uneven * length / (PARTS as f64)) * (squares(&all, length, uneven) / n as f64).max(1.0).sqrt();
     let chosen = if sample { PeriodChoice::Sample } else { PeriodChoice::Pixel };
@@ -118,17 +118,17 @@ pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice, uneven
     Decision { shared: sample.then_some([length, common]), report }
 }
 
-/// Few periods of shared gratings.
+/// Shared gratings grouped by period.
 pub(super) struct Groups {
-    /// Length of each grating's vector and its σ: that of its group.
+    /// Length of each grating vector and its σ: those of its group.
     pub lengths: Vec<[f64; 2]>,
-    /// The length that all share, if they do.
+    /// Common length, if all share one.
     pub shared: Option<[f64; 2]>,
     pub report: PeriodReport,
 }
 
-/// Puts lengths of gratings together as long as the Bayesian information criterion falls, the nearest first. `pixels` is how many
-/// have one of them.
+/// Merges the closest lengths as long as the Bayesian information criterion decreases. `pixels` is the number of pixels
+/// with any of them.
 pub(super) fn groups(lengths: &[f64], sigmas: &[f64], choice: PeriodChoice, uneven: f64, pixels: usize) -> Groups {
     let uneven = COMMON.hypot(uneven);
     let variance = |k: usize| sigmas[k].powi(2) + (uneven * lengths[k]).powi(2);
@@ -179,7 +179,7 @@ pub(super) fn groups(lengths: &[f64], sigmas: &[f64], choice: PeriodChoice, unev
 mod tests {
     use super::*;
 
-    /// Lengths of 40 × 40 pixels with deviates that have no pattern.
+    /// Lengths of 40 × 40 pixels with pseudo-random deviations.
     fn field(length: impl Fn(usize, usize) -> f64, sigma: f64) -> Vec<Found> {
         let at = |i: usize| {
             let deviate: f64 = (0..12)
@@ -198,9 +198,9 @@ mod tests {
         let one = decided(&field(|_, _| 0.34, 0.03));
         let [length, sigma] = one.shared.unwrap();
         assert!((length / 0.34 - 1.0).abs() < 0.003 && sigma / length < 0.003, "{length} {sigma}");
-        // 8 % from left to right, where each pixel is known to 3 %.
+        // A change by 8 % from left to right, with 3 % uncertainty per pixel.
         assert!(decided(&field(|x, _| 0.34 * (1.0 + 0.002 * x as f64), 0.03)).shared.is_none());
-        // Two periods, pixel by pixel.
+        // Two periods, alternating between pixels.
         assert!(decided(&field(|x, y| if (x * 7 + y * 3) % 5 == 0 { 0.4 } else { 0.34 }, 0.01)).shared.is_none());
         assert!(decide(&[Found::Masked(super::super::fit::Why::Dark)], 1, PeriodChoice::Auto, 0.0).shared.is_none());
     }

@@ -1,112 +1,115 @@
-//! The grating at one place of the tile, or why there is none to tell.
+//! Fit of the grating at one position of the tile, or the reason why it is undetermined.
 
 use super::lobe::Lobe;
 use super::solve::{Copy, Prior, Solution, cost_at, solve};
 use super::view::Half;
 use nacre_base::statistics::median;
 
-/// The order zero is left out within so many standard deviations.
+/// Radius of the excluded zero order in standard deviations.
 pub(super) const SPECULAR: f64 = 5.5;
 
-/// Lobes are not quite Gaussian, and copies not quite alike: standard deviation over the light itself, and over the brightest copy.
+/// Model error from non-Gaussian lobes and unequal copies: standard deviation relative to the light itself, and
+/// relative to the brightest copy.
 const UNLIKE: [f64; 2] = [0.04, 0.004];
 
-/// Brightest copy in standard deviations of its noise, from which there is light.
+/// Minimum brightness of the brightest copy, in standard deviations of its noise, at a lit position.
 const LIT: f64 = 6.0;
 
-/// Bright copies that starts are taken from, and how bright they must be relative to the brightest.
+/// Number of bright copies that provide start values, and their minimum brightness relative to the brightest.
 const STARTS: usize = 6;
 const BRIGHT: f64 = 0.12;
 
-/// Starts that are followed, and where few copies are near a lobe.
+/// Number of start values followed, and the number with few copies near a lobe.
 const FOLLOWED: [usize; 2] = [4, 10];
 
-/// Copies near a lobe from which a few starts find all gratings; with fewer, starts lie all around the bright copies.
+/// Number of copies near a lobe above which a few start values find all gratings. With fewer, start values surround the
+/// bright copies.
 const MANY: usize = 9;
 
-/// Copies near a lobe below which nothing checks the fit: the unknowns are a vector (with a shared length, its direction) and its light.
+/// Minimum number of copies near a lobe. Unknowns are the grating vector (with a shared length, its direction) and the
+/// light, so fewer copies leave no redundancy.
 const FEWEST: [usize; 2] = [4, 3];
 
-/// Part of a lobe's peak from which a copy is near it.
+/// Fraction of a lobe's peak above which a copy is near it.
 const NEAR: f64 = 0.02;
 
-/// Another grating is ruled out when it is so much worse, in units of what the best one leaves over.
+/// χ² difference, in units of the best fit's residual, above which another grating is ruled out.
 const RULED_OUT: f64 = 16.0;
 
-/// Light of a second grating, over the first one's, from which a place has several.
+/// Light of a second grating relative to the first, above which a position has several gratings.
 const SECOND: f64 = 0.12;
 
-/// Higher orders that are so many times as bright as the first make it no grating.
+/// Light of higher orders relative to the first, above which a solution is rejected.
 const HIGHER: f64 = 2.0;
 
-/// Squares left over per copy in a lobe, from which the fit explains nothing.
+/// χ² per copy in a lobe above which a fit is rejected.
 const POOR: f64 = 6.0;
 
-/// Largest σ of an orientation in rad, as in maps from polarization, and of a period over itself.
+/// Maximum σ of an orientation in rad (as in maps from polarization), and relative σ of a period.
 const UNCERTAIN: [f64; 2] = [0.125, 0.125];
 
-/// What was found.
+/// Result at a position.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Found {
     /// A grating.
     Grating(Grating),
-    /// Why there is none.
+    /// The reason for masking.
     Masked(Why),
 }
 
-/// A grating and how well it is known.
+/// A grating with its uncertainty.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grating {
     /// In rad, `[0, π)`, anticlockwise from the right.
     pub orientation: f64,
     /// λ/a.
     pub length: f64,
-    /// σ of the orientation in rad.
+    /// Standard deviation of the orientation in rad.
     pub orientation_sigma: f64,
-    /// σ of the length.
+    /// Standard deviation of the length.
     pub length_sigma: f64,
 }
 
-/// Why a place is masked.
+/// Reason for masking.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Why {
-    /// No copy is in any photograph.
+    /// No photograph shows a copy.
     Unseen,
-    /// No order's light.
+    /// No diffracted light.
     Dark,
-    /// Several gratings explain it, or the light could be of another order.
+    /// Several gratings fit, or the diffraction order is ambiguous.
     Ambiguous,
-    /// More than one grating is there.
+    /// Several gratings at the same position.
     Several,
     /// Too few copies near a lobe.
     Uncertain,
-    /// No grating explains it.
+    /// No grating fits.
     Unexplained,
 }
 
-/// A copy as it was photographed.
+/// A photographed copy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observed {
     pub seen: Half,
-    /// Light and variance; NaN for none.
+    /// Light and variance; NaN if missing.
     pub light: [f32; 2],
 }
 
-/// Copies of a place outside of the order zero.
+/// Copies of a position outside of the zero order.
 pub(super) struct Outside {
-    /// Light over what falls on the place; weights are inverse variances of the camera's noise.
+    /// Light divided by irradiance; weights are inverse variances of camera noise.
     copies: Vec<Copy>,
-    /// The brightest one's light.
+    /// Light of the brightest copy.
     pub brightest: f64,
-    /// The middle of their lights.
+    /// Median light.
     pub median: f64,
 }
 
 impl Outside {
-    /// Of what was photographed.
+    /// From photographed copies.
     ///
     /// # Errors
-    /// `Unseen` without any.
+    /// `Unseen` without copies.
     pub fn of(observed: &[Observed], lobe: &Lobe) -> Result<Self, Why> {
         let usable = observed.iter().filter(|o| o.light[0].is_finite() && o.light[1] > 0.0);
         let outside = usable.filter_map(|o| {
@@ -124,14 +127,14 @@ impl Outside {
         Ok(Self { copies, brightest, median })
     }
 
-    /// Whether no copy is near a lobe. Where most copies are as bright, it is stray light.
+    /// True if no copy is near a lobe. If most copies are equally bright, the light is stray light.
     pub fn is_dark(&self) -> bool {
         let noise = self.copies.iter().filter(|c| c.light >= self.brightest).map(|c| c.weight.powf(-0.5));
         self.brightest <= LIT * noise.fold(0.0, f64::max)
             || (self.copies.len() > 8 && self.brightest < 4.0 * self.median)
     }
 
-    /// Light over a unit, which part of the lobes' light that model and copies differ by counts as noise.
+    /// Light relative to a unit; the model error is added to the noise.
     pub fn over(&self, unit: f64) -> Vec<Copy> {
         let copy = |c: &Copy| {
             let light = c.light / unit;
@@ -142,20 +145,20 @@ impl Outside {
     }
 }
 
-/// Copies outside of the order zero, over the brightest; none without light.
+/// Copies outside of the zero order, relative to the brightest; the error is the reason without light.
 pub(super) fn copies(observed: &[Observed], lobe: &Lobe) -> Result<Vec<Copy>, Why> {
     let outside = Outside::of(observed, lobe)?;
     if outside.is_dark() { Err(Why::Dark) } else { Ok(outside.over(outside.brightest)) }
 }
 
-/// The grating that explains the copies.
+/// Fits a grating to the copies.
 pub(super) fn fit(copies: &[Copy], prior: &Prior) -> Found {
     let near = |s: &Solution| copies.iter().filter(|c| s.inside(c) > NEAR).count();
     let mut solutions = solutions(copies, prior, false);
     if solutions.iter().any(|s| near(s) < MANY) {
         solutions.extend(self::solutions(copies, prior, true));
     }
-    // A grating with bright higher orders and a dark first one is none (unless it is deeper than a quarter of a wavelength).
+    // Bright higher orders with a dark first order would require a depth above a quarter of a wavelength.
     solutions.retain(|s| s.orders[0] > 5.0 * s.first_sigma && s.orders[1..].iter().all(|o| *o < HIGHER * s.orders[0]));
     solutions.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(best) = solutions.first() else { return Found::Masked(Why::Unexplained) };
@@ -173,7 +176,7 @@ pub(super) fn fit(copies: &[Copy], prior: &Prior) -> Found {
     if per_copy > POOR {
         return masked(Why::Unexplained);
     }
-    // At the end of the range, a better one may lie beyond.
+    // A better solution may lie beyond the end of the searched range.
     if prior.shared.is_none() && !(prior.range[0] * 1.01..prior.range[1] * 0.99).contains(&length) {
         return masked(Why::Ambiguous);
     }
@@ -195,13 +198,14 @@ pub(super) fn fit(copies: &[Copy], prior: &Prior) -> Found {
     Found::Grating(Grating { orientation, length, orientation_sigma, length_sigma })
 }
 
-/// Difference of two grating vectors, which have no sign.
+/// Difference of two grating vectors, irrespective of their signs.
 fn nearer(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     let (minus, plus) = ([a[0] - b[0], a[1] - b[1]], [a[0] + b[0], a[1] + b[1]]);
     if minus[0].hypot(minus[1]) < plus[0].hypot(plus[1]) { minus } else { plus }
 }
 
-/// Least squares near to the brightest copies, or all around them, taken as first and as second orders.
+/// Least-squares solutions, starting near or all around the brightest copies, interpreted as first and as second
+/// orders.
 fn solutions(copies: &[Copy], prior: &Prior, around: bool) -> Vec<Solution> {
     let mut bright: Vec<&Copy> = copies.iter().filter(|c| c.light > BRIGHT).collect();
     bright.sort_by(|a, b| b.light.total_cmp(&a.light));
@@ -219,7 +223,7 @@ fn solutions(copies: &[Copy], prior: &Prior, around: bool) -> Vec<Solution> {
                 let width = copy.shape.width();
                 let at = [(copy.half[0] + dx * width) / order, (copy.half[1] + dy * width) / order];
                 let length = at[0].hypot(at[1]);
-                // A little outside of the range, since a copy need not be at the peak.
+                // Slightly beyond the range, since a copy need not lie at the lobe's peak.
                 let beyond = 2.5 * width / order;
                 if length < prior.range[0] - beyond || length > prior.range[1] + beyond || length == 0.0 {
                     continue;
@@ -231,7 +235,7 @@ fn solutions(copies: &[Copy], prior: &Prior, around: bool) -> Vec<Solution> {
         }
     }
     starts.sort_by(|a, b| a.1.total_cmp(&b.1));
-    // Those that lie close together lead to the same.
+    // Neighbouring start values converge to the same solution.
     let mut followed: Vec<[f64; 2]> = vec![];
     for (start, _) in &starts {
         let apart = |f: &[f64; 2]| copies.first().is_some_and(|c| c.shape.square(nearer(*start, *f)) > 0.8);
@@ -242,7 +246,7 @@ fn solutions(copies: &[Copy], prior: &Prior, around: bool) -> Vec<Solution> {
     followed.iter().filter_map(|start| solve(copies, *start, prior)).collect()
 }
 
-/// Places around a copy that starts are taken from, in widths of its lobe.
+/// Offsets of start values around a copy, in lobe widths.
 fn places(around: bool) -> Vec<[f64; 2]> {
     let mut all = vec![[0.0; 2]];
     for ring in if around { 1..3 } else { 1..2 } {
@@ -255,7 +259,7 @@ fn places(around: bool) -> Vec<[f64; 2]> {
     all
 }
 
-/// Squares left over per copy in a lobe and degree of freedom.
+/// χ² per copy in a lobe and degree of freedom.
 fn left_over(best: &Solution, copies: &[Copy]) -> f64 {
     let inside = copies.iter().filter(|c| best.inside(c) > 0.05);
     let (sum, count) = inside.fold((0.0, 0), |(sum, count), c| {
@@ -265,7 +269,7 @@ fn left_over(best: &Solution, copies: &[Copy]) -> f64 {
     if count > 3 { sum / f64::from(count - 3) } else { sum }
 }
 
-/// Whether a copy far from the grating's lobes is bright.
+/// True if a copy far from the grating's lobes is bright.
 fn has_second(best: &Solution, copies: &[Copy]) -> bool {
     let first = best.orders[0];
     copies.iter().any(|c| {
@@ -274,7 +278,8 @@ fn has_second(best: &Solution, copies: &[Copy]) -> bool {
     })
 }
 
-/// Whether the light may be a second or third order: half-way or a third of the way in, nothing tells that there is no first one.
+/// True if the light may be a second or third order: no copy at half or a third of the half vector excludes a first
+/// order.
 fn is_higher_order(best: &Solution, copies: &[Copy], prior: &Prior) -> bool {
     let length = best.vector[0].hypot(best.vector[1]);
     let within = |length: f64| prior.shared.map_or(length >= prior.range[0], |[l, s]| (length - l).abs() < 5.0 * s);

@@ -1,37 +1,37 @@
-//! The highlight: the light's mirror image in the sheet, which is the order zero. It is as wide as every lobe, and it lies where the half
-//! vector has no tangent part, whatever is printed there.
+//! Detection of the highlight: the light's mirror image in the sheet, which is the zero order. Its width equals that of
+//! every lobe. It lies where the half vector has no tangential component, independent of the print.
 
 use super::photographs::Photograph;
 use super::view::View;
 use rayon::prelude::*;
 
-/// The highlight is looked at within so many of its standard deviations.
+/// Radius of the analysed region in standard deviations of the highlight.
 const REACH: f64 = 3.5;
 
-/// What a Gaussian's variance is within that, of the whole.
+/// Variance of a Gaussian truncated at that radius, relative to the full variance.
 const INSIDE: f64 = 0.986;
 
-/// Most pixels that are looked at along each axis.
+/// Maximum number of pixels along each axis.
 const LOOKED_AT: usize = 1200;
 
-/// Rounds of moments.
+/// Number of moment iterations.
 const ROUNDS: usize = 8;
 
-/// A highlight.
+/// A detected highlight.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Highlight {
-    /// Half vector of its middle, which is none where the geometry is right.
+    /// Half vector at its centre; zero for a correct geometry.
     pub half: [f64; 2],
-    /// Place of its middle on the sheet, in mm.
+    /// Position of its centre on the sheet in mm.
     pub place: [f64; 2],
-    /// Standard deviation of the light in its plane, in mm.
+    /// Standard deviation of the light in its plane in mm.
     pub light_mm: f64,
 }
 
-/// Light, place.
+/// Light and position.
 type Seen = (f64, [f64; 2]);
 
-/// The highlight of a light at a place, or at a height above its highlight; none where it is not in the picture.
+/// Finds the highlight of a light at a known position, or at a known height; `None` if it is not in the picture.
 pub(super) fn find(
     photograph: &Photograph,
     view: &View,
@@ -44,7 +44,7 @@ pub(super) fn find(
     let light = light_mm.or_else(|| height_mm.map(|height| view.light_at(peak.1, height)))?;
     let step = (photograph.width.max(photograph.height) / LOOKED_AT + 1) as f64;
     let half_of_peak = 0.5 * peak.0;
-    // Places in the light's plane, relative to the peak's.
+    // Positions in the light's plane, relative to the peak.
     let center = view.half(peak.1, light);
     if center.half[0].hypot(center.half[1]) > 0.25 {
         return None;
@@ -56,7 +56,7 @@ pub(super) fn find(
         [(c * d[0] - b * d[1]) / determinant, (a * d[1] - b * d[0]) / determinant]
     };
     let pixel_mm = view.pixel_mm(peak.1)? * step;
-    // In the light's plane a pixel is as much larger as both distances over the camera's.
+    // Pixel size in the light's plane: scaled by the ratio of both distances to the camera's distance.
     let scale = pixel_mm * (1.0 + light[2] / view.viewer[2]);
     let lit = all.iter().filter(|s| s.0 > half_of_peak).count().max(1) as f64;
     let mut sigma = (lit * scale * scale / (std::f64::consts::TAU * std::f64::consts::LN_2)).sqrt().max(0.5 * scale);
@@ -75,7 +75,7 @@ pub(super) fn find(
         let base = around.get(around.len() / 3).copied().unwrap_or(0.0);
         let mut sums = [0.0; 6];
         for (seen, at, on_sheet) in placed.iter().filter(|s| distance(&s.1) < REACH * sigma) {
-            // What is saturated is at least as bright as the peak.
+            // Saturated pixels are at least as bright as the peak.
             let weight = (seen.min(peak.0) - base).max(0.0);
             let terms = [1.0, at[0], at[1], distance(at).powi(2), on_sheet[0], on_sheet[1]];
             (0..6).for_each(|k| sums[k] += weight * terms[k]);
@@ -91,7 +91,7 @@ pub(super) fn find(
     Some(Highlight { half, place, light_mm: sigma })
 }
 
-/// Light and place of pixels on the sheet. What is saturated is infinitely bright.
+/// Light and position of pixels on the sheet; saturated pixels are infinitely bright.
 fn seen(photograph: &Photograph, view: &View, [low, high]: [[f64; 2]; 2]) -> Vec<Seen> {
     let step = photograph.width.max(photograph.height) / LOOKED_AT + 1;
     let columns = photograph.width / step;
@@ -105,7 +105,7 @@ fn seen(photograph: &Photograph, view: &View, [low, high]: [[f64; 2]; 2]) -> Vec
     (0..columns * (photograph.height / step)).into_par_iter().filter_map(pixel).collect()
 }
 
-/// Where means over 3 × 3 pixels are largest.
+/// Position with the largest mean over 3 × 3 pixels.
 fn brightest(photograph: &Photograph, view: &View, [low, high]: [[f64; 2]; 2]) -> Option<Seen> {
     let (width, height) = (photograph.width, photograph.height);
     let finite = photograph.light.par_iter().copied().filter(|v| v.is_finite()).max_by(f32::total_cmp)?;

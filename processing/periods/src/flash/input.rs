@@ -1,4 +1,4 @@
-//! What is known before a pixel is looked at.
+//! Input of the flash reconstruction, available before pixels are read.
 
 use super::photographs::{Groups, groups};
 use super::settings::Settings;
@@ -9,10 +9,10 @@ use nacre_image::budget::Operation;
 use nacre_optics::geometry::{self, Camera, Geometry, Pose};
 use std::path::Path;
 
-/// Whether there is something to make maps of, without a look at any pixel.
+/// Validates input and options without reading pixels, and predicts the work.
 ///
 /// # Errors
-/// As [`reconstruct`](super::reconstruct) for settings and sets that make no sense.
+/// As [`reconstruct`](super::reconstruct) for invalid options and sets.
 pub(super) fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     settings.check()?;
     let frames = load(input)?;
@@ -28,20 +28,20 @@ pub(super) fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     Ok(work)
 }
 
-/// What the reconstruction needs, by the header of the first photograph.
+/// Predicts the work from the header of the first photograph.
 ///
 /// # Errors
-/// `Input`, naming it, where it would not fit into memory.
+/// `Input`, naming the photograph, if memory does not suffice.
 pub(super) fn work(frames: &LoadedFrames) -> Result<Work> {
     let count = frames.set.frames.len();
     let first = frames.set.frames.first().map_or(frames.path.clone(), |first| frames.file(&first.file));
     Operation::Flash(count).check(&first, frames.info)
 }
 
-/// Settings with the geometry that lies beside the photographs, or that of the bench they were taken on, unless they have another one.
+/// Options with the geometry beside the photographs, or that of the bench, unless one is given.
 ///
 /// # Errors
-/// `Input` for a geometry that cannot be read.
+/// `Input` for an unreadable geometry.
 pub(super) fn completed(settings: &Settings, frames: &LoadedFrames) -> Result<Settings> {
     if settings.geometry.is_some() || settings.camera_mm.is_some() || settings.corners_px.is_some() {
         return Ok(settings.clone());
@@ -50,7 +50,8 @@ pub(super) fn completed(settings: &Settings, frames: &LoadedFrames) -> Result<Se
     Ok(Settings { geometry, ..settings.clone() })
 }
 
-/// A camera that looks straight down on the middle of the picture or beside it, with the light at its height, as `frames.json` says it.
+/// Geometry from `frames.json`: the camera looks straight down on the picture's centre or beside it, with the light at
+/// its height.
 fn of_bench(frames: &LoadedFrames) -> Option<Geometry> {
     let bench = frames.set.geometry?;
     let pixel_mm = bench.pixel_um? / 1000.0;
@@ -64,7 +65,7 @@ fn of_bench(frames: &LoadedFrames) -> Option<Geometry> {
     Some(Geometry { light_mm, ..Geometry::new(camera, sample) })
 }
 
-/// Of the settings, the set, or the geometry.
+/// Wavelength of the options, the set, or the geometry, in this order.
 pub(super) fn wavelength(settings: &Settings, frames: &LoadedFrames) -> Result<f64> {
     let of_geometry = settings.geometry.as_ref().and_then(|g| g.wavelength_nm);
     settings.wavelength_nm.or(frames.set.wavelength_nm).or(of_geometry).ok_or_else(|| {
@@ -72,7 +73,7 @@ pub(super) fn wavelength(settings: &Settings, frames: &LoadedFrames) -> Result<f
     })
 }
 
-/// Places of lights where they are said; refuses those that cannot be found.
+/// Known positions of lights; rejects lights whose position cannot be determined.
 pub(super) fn known_lights(
     groups: &Groups,
     settings: &Settings,

@@ -1,39 +1,40 @@
-//! The shape of an order over half vectors: that of the light.
+//! Shape of a diffraction order over half vectors, determined by the light.
 
 use super::view::Half;
 
-/// Standard deviation in direction cosines that every lobe has at the least: coherence.
+/// Minimum standard deviation of a lobe in direction cosines, due to coherence.
 const FLOOR: f64 = 1e-3;
 
-/// Area of a lobe whose peak is 1: only makes numbers handy.
+/// Area of a lobe with peak 1; a scale that keeps values near 1.
 const AREA: f64 = 1e-3;
 
-/// What makes lobes wide.
+/// Causes of lobe width.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lobe {
-    /// Standard deviation of the light in its plane, in mm.
+    /// Standard deviation of the light in its plane in mm.
     pub light_mm: f64,
-    /// Standard deviation of the filter's band over its wavelength.
+    /// Relative standard deviation of the filter's band.
     pub band: f64,
 }
 
-/// A Gaussian over half vectors, as wide as the lobes that are seen from a place.
+/// Gaussian over half vectors, with the width of lobes seen at a position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
-    /// Inverse covariance, xx, xy, yy.
+    /// Inverse covariance: xx, xy, yy.
     pub inverse: [f64; 3],
-    /// Peak of a lobe of unit energy.
+    /// Peak of a lobe with unit energy.
     pub peak: f64,
 }
 
 impl Lobe {
-    /// Mean half vector over the light: orders lie where it is n λ/a.
+    /// Mean half vector over the light; orders lie where it equals n λ/a.
     pub fn middle(&self, seen: &Half) -> [f64; 2] {
         let variance = self.light_mm * self.light_mm;
         [0, 1].map(|k| seen.half[k] + variance * seen.bend[k])
     }
 
-    /// Lobes at a half vector. The light spreads them as the half vector changes over it, the band along themselves.
+    /// Lobe shape at a half vector. The extent of the light broadens it according to the half vector's gradient; the
+    /// spectral band broadens it radially.
     pub fn at(&self, seen: &Half) -> Shape {
         let [a, b, c] = seen.slope;
         let (light, band) = (self.light_mm * self.light_mm, self.band * self.band);
@@ -53,7 +54,7 @@ impl Shape {
         a * x * x + 2.0 * b * x * y + c * y * y
     }
 
-    /// Standard deviation of a round lobe of the same area.
+    /// Standard deviation of an isotropic lobe with the same area.
     pub fn width(&self) -> f64 {
         let [a, b, c] = self.inverse;
         (a * c - b * b).powf(-0.25)

@@ -1,16 +1,17 @@
-//! Orientation and absolute period of gratings from photographs under a flash (2018 paper, section 4): for sheets of repeated tiles, whose
-//! copies are seen under half vectors of their own.
+//! Orientation and absolute period of gratings from photographs under a flash (2018 paper, section 4), for sheets of
+//! repeated tiles, whose copies are seen at different half vectors.
 //!
-//! A place of the tile with the grating vector `g = λ/a (cos θ, sin θ)` is bright where the tangent part `h` of ωi + ωo is near to
-//! ±g, ±2g, …: around each lies a lobe as wide as the light. The paper takes bright pixels for the lobe's peak, which they are not
-//! (17 % bias in its own test), and the direction towards the highlight for θ. Here the lobes are fitted to all copies under all lights at
-//! once, each weighted by its noise; their width is that of the highlight, which is the lobe of the order zero.
+//! A position of the tile with grating vector `g = λ/a (cos θ, sin θ)` is bright where the tangential part `h` of ωi +
+//! ωo is near ±g, ±2g, …. Each order is a lobe as wide as the light. The paper equates bright pixels with the lobe's
+//! peak, which causes a bias (17 % in its own test), and takes the direction towards the highlight as θ. Here, lobes
+//! are fitted to all copies under all lights simultaneously, weighted by their noise. Their width is that of the
+//! highlight, which is the lobe of the zero order.
 //!
-//! Where polygons share few directions and periods, places with the same grooves are fitted together (`shared`): one photograph is then enough.
-//! Evidence decides whether they do.
+//! If polygons share few directions and periods, positions with the same grating are fitted jointly (`shared`), and one
+//! photograph suffices. Evidence decides whether they do.
 //!
-//! What a fit cannot tell is masked: places without light, with several gratings, with too few copies near a lobe, and those whose light
-//! could as well be of another order.
+//! Undetermined positions are masked: those without light, with several gratings, with too few copies near a lobe, and
+//! with an ambiguous order.
 
 mod agree;
 mod corners;

@@ -1,4 +1,4 @@
-//! Flash photographs as an operation.
+//! The operation `flash`.
 
 use super::input::check_input;
 use super::reconstruct::fit_into;

@@ -5,10 +5,10 @@ use super::report::Report;
 use nacre_base::Result;
 use nacre_image::{Attribute, Canvas, OutputFolder, orientation_picture, scalar_picture, write_exr};
 
-/// Small maps are shown with up to so many pixels a side.
+/// Side in pixels up to which small maps are enlarged in pictures.
 const SHOWN: usize = 640;
 
-/// What is written.
+/// Contents of the output.
 pub(super) struct Output<'a> {
     pub found: &'a [Found],
     pub report: &'a Report,
@@ -41,7 +41,7 @@ impl Output<'_> {
         let units = with("orientation, sigma: rad; mask: 1 measured, 0 masked");
         let channels = ["orientation", "sigma", "mask"];
         write_exr(&folder.path("orientation.exr"), width, height, &channels, &units, &|c, y, out| match c {
-            // A float just below π may round up to it.
+            // A value just below π may round up to it as a float.
             0 => row(y, out, &|g| if g.orientation as f32 >= std::f32::consts::PI { 0.0 } else { g.orientation }),
             1 => row(y, out, &|g| g.orientation_sigma),
             _ => mask(y, out),
@@ -57,19 +57,19 @@ impl Output<'_> {
         self.pictures(folder, &at)
     }
 
-    /// In µm.
+    /// Period in µm.
     fn period(&self, g: &Grating) -> f64 {
         self.report.wavelength_nm / 1000.0 / g.length
     }
 
-    /// With what all periods share.
+    /// Standard deviation of the period, including the common part.
     fn period_sigma(&self, g: &Grating) -> f64 {
         self.period(g) * (g.length_sigma / g.length).hypot(self.report.common_sigma)
     }
 
     fn pictures<'a>(&'a self, folder: &OutputFolder, at: &(dyn Fn(usize) -> Option<&'a Grating> + Sync)) -> Result<()> {
         let r = self.report;
-        // Tiles are small: each of their pixels is a square, so that there is something to see.
+        // Tiles are small, so each pixel is drawn as a square.
         let zoom = (SHOWN / r.width.max(r.height).max(1)).clamp(1, 16);
         let size = [zoom * r.width, zoom * r.height];
         let bar_um = self.scale_bar.then(|| r.pixel_um / zoom as f64);
@@ -88,7 +88,7 @@ impl Output<'_> {
         let all = values(&of);
         let at_share = |share: usize| all.get(all.len().saturating_sub(1) * share / 100).copied().unwrap_or(600.0);
         let [low, high] = [at_share(1), at_share(99)];
-        // One period is one colour, in the middle of a scale of some width.
+        // A single period is drawn in the middle colour of a scale of some width.
         let least = 0.02 * high;
         let [low, high] = if high - low > least { [low, high] } else { [low - least, high + least] };
         let label = if r.relative { "lines per mm (relative)" } else { "lines per mm" };

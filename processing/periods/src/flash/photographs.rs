@@ -1,4 +1,4 @@
-//! Photographs of a set by the light they were taken under, and their exposures put together.
+//! Photographs of a set grouped by light, and merging of their exposures.
 
 use nacre_base::{Error, Result};
 use nacre_frames::NoiseModel;
@@ -6,42 +6,42 @@ use nacre_frames::{Frame, Kind, Linearizer, LoadedFrames};
 use nacre_image::catmull_rom;
 use rayon::prelude::*;
 
-/// Stands in when nothing is known of the noise: a small sensor, so that σ errs to the large side.
+/// Noise model of a small sensor, used when none is known, so that σ is rather overestimated.
 const ASSUMED: NoiseModel = NoiseModel { full_scale_e: 5000.0, read_noise_e: 10.0 };
 
-/// Most lights of a set.
+/// Maximum number of lights of a set.
 const MOST_LIGHTS: usize = 1000;
 
 /// Exposures under one light.
 pub(super) struct Group {
     /// Frames, the longest exposure first.
     pub frames: Vec<Frame>,
-    /// Where the light was, if the set says it.
+    /// Position of the light, if the set states it.
     pub light_mm: Option<[f64; 3]>,
 }
 
-/// What a set holds.
+/// Frames of a set by illumination.
 pub(super) struct Groups {
     /// By light, in the order of the set.
     pub lights: Vec<Group>,
-    /// By room light.
+    /// Frames under room light.
     pub room: Option<Group>,
 }
 
-/// A photograph in light per exposure and gain.
+/// A photograph as light per exposure time and gain.
 pub(super) struct Photograph {
     pub width: usize,
     pub height: usize,
-    /// NaN where saturated in every exposure.
+    /// NaN where all exposures are saturated.
     pub light: Vec<f32>,
-    /// Variance of the camera's noise.
+    /// Variance of camera noise.
     pub variance: Vec<f32>,
 }
 
-/// Sorts the frames of a set.
+/// Groups the frames of a set.
 ///
 /// # Errors
-/// `Input` for sets of another kind, or without any light.
+/// `Input` for sets of another kind, and for sets without lights.
 pub(super) fn groups(frames: &LoadedFrames) -> Result<Groups> {
     let refuse = |problem: &str, remedy: &str| Err(Error::file(&frames.path, problem, remedy));
     if !matches!(frames.set.kind, Kind::Flash | Kind::Free) {
@@ -73,10 +73,10 @@ pub(super) fn groups(frames: &LoadedFrames) -> Result<Groups> {
     Ok(Groups { lights, room })
 }
 
-/// Puts exposures together: every pixel is that of the longest exposure in which it is not saturated. One file is decoded at a time.
+/// Merges exposures: each pixel is taken from the longest unsaturated exposure. One file is decoded at a time.
 ///
 /// # Errors
-/// `Input` for files that cannot be read.
+/// `Input` for unreadable files.
 pub(super) fn merged(frames: &LoadedFrames, group: &Group, linearizer: &Linearizer) -> Result<Photograph> {
     let (width, height) = (frames.info.width, frames.info.height);
     let noise = frames.set.noise.unwrap_or(ASSUMED);
@@ -104,7 +104,7 @@ pub(super) fn merged(frames: &LoadedFrames, group: &Group, linearizer: &Lineariz
 }
 
 impl Photograph {
-    /// Light between pixels (Catmull and Rom) and its variance; NaN outside and beside what is saturated.
+    /// Interpolated light (Catmull-Rom) and its variance; NaN outside and beside saturated pixels.
     pub fn at(&self, [x, y]: [f64; 2]) -> [f32; 2] {
         let (column, row) = (x.floor(), y.floor());
         let inside =

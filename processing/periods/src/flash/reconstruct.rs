@@ -1,4 +1,4 @@
-//! The whole job: photographs to maps, pictures and a report in a new folder.
+//! Flash reconstruction: maps, pictures and a report in a new folder.
 
 use super::agree::{agreed, believed};
 use super::corners;
@@ -27,31 +27,31 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::time::Instant;
 
-/// A highlight that lies this part of a lobe's width from where it should moves the light.
+/// Displacement of a highlight, relative to the lobe's width, above which the light's position is corrected.
 const MISPLACED: f64 = 0.12;
 
-/// Full width at half maximum of a Gaussian over its standard deviation.
+/// Ratio of full width at half maximum to standard deviation of a Gaussian.
 const FWHM: f64 = 2.354_82;
 
-/// Widths of lobes that are tried, over that of the highlight.
+/// Candidate lobe widths relative to that of the highlight.
 const WIDTHS: [f64; 7] = [0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25];
 
-/// Pixels that they are tried on.
+/// Number of pixels used to compare them.
 const TRIED: usize = 300;
 
-/// Makes maps of `input` (a session, or a `frames.json` of kind flash) in the new folder `out`.
+/// Reconstructs maps from `input` (a session, or a `frames.json` of kind flash) in the new folder `out`.
 ///
 /// # Errors
-/// `Input` for anything about the photographs or the settings, before anything is written; `Output` when writing fails, after
-/// which nothing is left behind; `Cancelled`.
+/// `Input` for invalid photographs or options, before anything is written. `Output` if writing fails; the partial
+/// folder is then removed. `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     perform(settings, input, out, false, progress)
 }
 
-/// Makes the maps in a folder.
+/// Reconstructs maps in a folder.
 ///
-/// Memory: one photograph (8 bytes per pixel and what decoding takes), two rows of the tile with all copies, 160 bytes per pixel of the
-/// tile, and up to 80 MiB for shared gratings; copies of the tile under every light are on disk meanwhile.
+/// Memory: one photograph (8 bytes per pixel, plus decoding), two rows of the tile with all copies, and 160 bytes per
+/// pixel of the tile. Shared gratings need up to 80 MiB more. Copies of the tile under each light are kept on disk.
 pub(super) fn fit_into(
     folder: &OutputFolder,
     input: &Path,
@@ -75,7 +75,7 @@ pub(super) fn fit_into(
     Ok(report)
 }
 
-/// Gratings of all pixels, and how they were found.
+/// Gratings of all pixels, with the parameters of the fit.
 pub(super) struct Fitted {
     pub found: Vec<Found>,
     pub period: PeriodReport,
@@ -88,12 +88,12 @@ pub(super) struct Fitted {
 pub(super) struct Job {
     pub view: View,
     pub tiling: Tiling,
-    /// Parts of tiles that others lie over.
+    /// Parts of tiles that other tiles overlap.
     overlaps: Vec<Vec<[f64; 4]>>,
     pub moved: Option<Moved>,
     pub lights: Vec<[f64; 3]>,
     pub highlights: Vec<Option<Highlight>>,
-    /// Lights that were moved to where their highlights say.
+    /// Number of lights whose positions were corrected by their highlights.
     pub corrected: usize,
     spool: Spool,
     pub wavelength_nm: f64,
@@ -154,7 +154,7 @@ impl Job {
         Ok(job)
     }
 
-    /// Finds a photograph's highlight and light, and keeps its copies of the tile.
+    /// Determines a photograph's highlight and light, and stores its copies of the tile.
     fn take_in(&mut self, photograph: &Photograph, stated: Option<[f64; 3]>, settings: &Settings) -> Result<()> {
         let found = highlight::find(photograph, &self.view, self.tiling.extent(), stated, settings.light_height_mm);
         let light = match (stated, &found) {
@@ -178,7 +178,7 @@ impl Job {
         spool::add(&mut self.spool, photograph, &self.tiling, &self.view)
     }
 
-    /// Copies of the places of a row, one after the other; without light where tiles overlap.
+    /// Visits the copies of all positions of a row; overlapped copies have no light.
     pub fn row<T>(&self, y: usize, of: &mut dyn FnMut(usize, &[Observed]) -> T) -> Result<Vec<T>> {
         let rows = self.spool.row(y)?;
         let tiles = self.tiling.origins.len();
@@ -206,7 +206,7 @@ impl Job {
         Ok(all)
     }
 
-    /// Gratings of all pixels.
+    /// Fits gratings to all pixels.
     fn fitted(&self, settings: &Settings, progress: &dyn Progress) -> Result<Fitted> {
         let lobe = Lobe { light_mm: self.light_mm, band: self.band };
         let prior = self.prior(settings, &lobe);
@@ -223,7 +223,7 @@ impl Job {
         shared::refit(self, free, settings, progress)
     }
 
-    /// Gratings of all pixels, each by itself.
+    /// Fits each pixel independently.
     fn free(&self, settings: &Settings, lobe: Lobe, prior: Prior, progress: &dyn Progress) -> Result<Fitted> {
         progress.stage("fitting gratings", self.tiling.height as u64);
         let of = |prior: Prior| {
@@ -241,7 +241,7 @@ impl Job {
         }
         let found = believed(agreed(&found, self.tiling.width));
         let mut period = decision.report;
-        // A few pixels that are not believed have no period to tell.
+        // Masked pixels provide no evidence about the period.
         if !found.iter().any(|f| matches!(f, Found::Grating(_))) {
             prior.shared = None;
             period = PeriodReport { choice: PeriodChoice::Pixel, why: "no pixel has a period".into(), ..period };
@@ -265,7 +265,8 @@ impl Job {
     }
 
     fn by_brightness(&self, observed: &[Observed], lobe: &Lobe) -> Found {
-        // Where the highlight lies: half-way in sines, for each light.
+        // Direction from each copy to the highlight, which divides the line from camera to light in the ratio of
+        // heights.
         let tiles = self.tiling.origins.len();
         let towards: Vec<[f64; 2]> = (0..observed.len())
             .map(|i| {
@@ -280,7 +281,8 @@ impl Job {
         brightest(observed, &towards, lobe).map_or(Found::Masked(Why::Dark), Found::Grating)
     }
 
-    /// Range of lengths that gratings may have: as asked for, or all that lie outside of the order zero and within what is seen.
+    /// Prior range of grating-vector lengths: as requested, or all lengths outside of the zero order and within the
+    /// observed half vectors.
     fn prior(&self, settings: &Settings, lobe: &Lobe) -> Prior {
         let um = self.wavelength_nm / 1000.0;
         if let Some([low, high]) = settings.period_um {
@@ -299,7 +301,7 @@ impl Job {
         Prior { range: [least, largest.max(1.5 * least)], shared: None }
     }
 
-    /// The lobe whose width leaves least over at some bright places.
+    /// Lobe whose width minimises the residual at some bright positions.
     fn refined(&self, highlight: &Lobe, prior: &Prior) -> Result<Lobe> {
         let rows: Vec<usize> = (0..12).map(|k| (2 * k + 1) * self.tiling.height / 24).collect();
         let step = (12 * self.tiling.width / TRIED).max(1);
@@ -309,7 +311,7 @@ impl Job {
                 if x % step == 0 {
                     sums.push(WIDTHS.map(|width| {
                         let lobe = Lobe { light_mm: width * highlight.light_mm, ..*highlight };
-                        // The same copies for all, so that what is left over can be compared.
+                        // The same copies for all widths, so that residuals are comparable.
                         left_over(observed, highlight, &lobe, prior)
                     }));
                 }
@@ -326,7 +328,7 @@ impl Job {
         if all.is_empty() {
             return Ok(*highlight);
         }
-        // What a few odd places leave over does not count for more than that of others.
+        // The contribution of each position is limited, so that outliers do not dominate.
         let total = WIDTHS.iter().enumerate().map(|(k, _)| {
             all.iter().map(|s| (s[k] - s.iter().copied().fold(f64::MAX, f64::min)).min(50.0)).sum::<f64>()
         });
@@ -344,9 +346,9 @@ impl Job {
     }
 }
 
-/// What the best fit with a lobe leaves over; none where there is no light.
+/// Residual of the best fit with a lobe; `None` without light.
 fn left_over(observed: &[Observed], same: &Lobe, lobe: &Lobe, prior: &Prior) -> Option<f64> {
-    // Copies with the widest lobe's order zero left out, the same for all lobes.
+    // The widest lobe's zero order is excluded for all widths, so that the copies are the same.
     let widest = Lobe { light_mm: same.light_mm * WIDTHS[WIDTHS.len() - 1], ..*same };
     let usable = |o: &&Observed| {
         let shape = widest.at(&o.seen);

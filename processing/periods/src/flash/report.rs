@@ -1,4 +1,4 @@
-//! What is said of the maps.
+//! Report of the flash reconstruction.
 
 use super::settings::{Directions, Orientation, PeriodChoice};
 use nacre_base::operation::{Summary, lines};
@@ -13,148 +13,148 @@ use std::fmt::Write;
 pub struct Report {
     /// Always `flash`.
     pub method: &'static str,
-    /// What the reader must know before trusting the results.
+    /// Limitations of the results.
     pub warnings: Vec<String>,
-    /// What was taken for granted.
+    /// Unverified assumptions.
     pub assumptions: Vec<String>,
-    /// Colours of angles in pictures.
+    /// Colour map of angles in pictures.
     pub palette: Palette,
-    /// Pixels of the maps.
+    /// Width of the maps in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height of the maps in pixels.
     pub height: usize,
-    /// Size of a pixel on the sheet, in µm.
+    /// Pixel size on the sheet in µm.
     pub pixel_um: f64,
-    /// Tiles whose copies were used.
+    /// Number of tiles.
     pub tiles: usize,
-    /// Left top corner of the tile that the maps show, in mm right and up of the sheet's middle.
+    /// Top left corner of the reference tile, in mm to the right of and above the sheet's centre.
     pub reference_mm: [f64; 2],
-    /// How tiles were laid over each other.
+    /// Registration of the tiles.
     pub registration: Option<Registration>,
-    /// Places of the flash that were used, in mm.
+    /// Positions of the flash in mm.
     pub lights_mm: Vec<[f64; 3]>,
-    /// Half vector at each highlight, which is zero where the geometry is right; none where it is not in the picture.
+    /// Half vector at each highlight, zero for a correct geometry; `None` if the highlight is outside of the picture.
     pub highlights: Vec<Option<[f64; 2]>>,
     /// Standard deviation of the light in mm.
     pub light_sigma_mm: f64,
-    /// Standard deviation of a lobe over half vectors, and how far apart a place's copies typically lie, both signs folded.
+    /// Standard deviation of a lobe over half vectors.
     pub lobe: f64,
-    /// As said.
+    /// Typical distance between half vectors of a position's copies, with both signs folded.
     pub spacing: f64,
     /// Wavelength in nm.
     pub wavelength_nm: f64,
-    /// Range in µm that periods were looked for in.
+    /// Searched range of periods in µm.
     pub searched_um: [f64; 2],
-    /// Whether periods are known up to a common factor only.
+    /// True if periods are known only up to a common factor.
     pub relative: bool,
-    /// How orientations were told.
+    /// Method of orientation measurement.
     pub orientation: Orientation,
-    /// Whether polygons share few directions.
+    /// Shared directions of polygons.
     pub directions: DirectionsReport,
-    /// One period or many.
+    /// Common or individual periods.
     pub period: PeriodReport,
-    /// Median σ of an orientation in degrees; none when all is masked.
+    /// Median σ of orientation in degrees; `None` if all pixels are masked.
     pub sigma_deg: Option<f64>,
-    /// Median σ of a period over itself.
+    /// Median relative σ of the period.
     pub period_sigma: Option<f64>,
-    /// Part of σ that all periods share: wavelength and geometry.
+    /// Relative σ common to all periods, from wavelength and geometry.
     pub common_sigma: f64,
-    /// Shares of pixels that are masked, by why.
+    /// Fractions of masked pixels, by reason.
     pub masked: Masked,
-    /// Where the time went.
+    /// Computation times.
     pub seconds: Seconds,
 }
 
-/// How tiles were laid over each other.
+/// Registration of the tiles.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Registration {
-    /// Largest move of a tile, in pixels of the map.
+    /// Largest displacement of a tile in map pixels.
     pub most_px: f64,
-    /// Typical σ of a tile's place, in pixels.
+    /// Typical σ of a tile's position in pixels.
     pub sigma_px: f64,
-    /// Tiles left out, since they look like no other.
+    /// Number of rejected tiles, which resemble no other.
     pub left_out: usize,
 }
 
-/// Whether polygons share few directions.
+/// Shared directions of polygons.
 #[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct DirectionsReport {
     /// `shared` or `free`.
     pub choice: Directions,
-    /// Why.
+    /// Reason for the choice.
     pub why: String,
-    /// The shared ones in degrees, anticlockwise from the right.
+    /// Shared directions in degrees, anticlockwise from the right.
     pub degrees: Vec<f64>,
-    /// Their periods in µm.
+    /// Shared periods in µm.
     pub um: Vec<f64>,
-    /// Areas of one grating that were asked for their own.
+    /// Number of areas whose individual gratings were fitted.
     pub areas: usize,
-    /// Share of them whose own is the shared one, 0 to 1.
+    /// Fraction of these areas that confirm the shared grating, 0 to 1.
     pub agree: f64,
-    /// How far areas scatter about the shared directions, in degrees.
+    /// Scatter of areas about the shared directions in degrees.
     pub scatter_deg: f64,
-    /// Share of the places with light that have one of the shared gratings, 0 to 1.
+    /// Fraction of lit positions with a shared grating, 0 to 1.
     pub explained: f64,
 }
 
-/// One period or many.
+/// Common or individual periods.
 #[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 #[schemars(rename = "FlashPeriodReport")]
 pub struct PeriodReport {
     /// `sample` or `pixel`.
     pub choice: PeriodChoice,
-    /// Why.
+    /// Reason for the choice.
     pub why: String,
-    /// The period in µm, where all share one.
+    /// Common period in µm, if all pixels share one.
     pub um: Option<f64>,
-    /// Its σ.
+    /// Standard deviation of `um`.
     pub sigma_um: Option<f64>,
-    /// Median period, and those that a twentieth lie below and above of, in µm.
+    /// Median period in µm.
     pub median_um: Option<f64>,
-    /// As said.
+    /// 5 % and 95 % quantiles of the period in µm.
     pub range_um: Option<[f64; 2]>,
-    /// Bayesian information criterion of one period for all (less is better).
+    /// Bayesian information criterion of one common period (lower is better).
     pub bic_one: f64,
-    /// Of one for each of 6 × 6 parts of the tile.
+    /// Bayesian information criterion of one period for each of 6 × 6 parts of the tile.
     pub bic_parts: f64,
-    /// Of one per pixel.
+    /// Bayesian information criterion of one period per pixel.
     pub bic_pixels: f64,
-    /// Pixels that had a say.
+    /// Number of pixels in the decision.
     pub pixels: usize,
-    /// How far the part that differs most lies from all, in its σ.
+    /// Largest deviation of a part's period from the common one, in standard deviations.
     pub largest_part_sigmas: f64,
 }
 
-/// Shares of pixels, 0 to 1.
+/// Fractions of pixels, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Masked {
-    /// All.
+    /// All masked pixels.
     pub all: f64,
-    /// Not in any photograph.
+    /// In no photograph.
     pub unseen: f64,
-    /// No order's light.
+    /// Without diffracted light.
     pub dark: f64,
-    /// Several gratings explain them, or the order is not known.
+    /// Several gratings fit, or the order is ambiguous.
     pub ambiguous: f64,
-    /// More than one grating.
+    /// Several gratings in one pixel.
     pub several: f64,
     /// Too few copies near a lobe.
     pub uncertain: f64,
-    /// No grating explains them.
+    /// No grating fits.
     pub unexplained: f64,
 }
 
-/// Seconds.
+/// Computation times in seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 #[schemars(rename = "FlashSeconds")]
 pub struct Seconds {
-    /// Photographs decoded, tiles registered and copied.
+    /// Decoding, registration and copying of tiles.
     pub read: f64,
-    /// Gratings fitted.
+    /// Fit of gratings.
     pub fit: f64,
-    /// Maps and pictures written.
+    /// Writing.
     pub write: f64,
-    /// All.
+    /// Total.
     pub total: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What the report says of a job: uncertainty that all pixels share, what was taken for granted, what to beware of.
+//! Contents of the report: common uncertainty, assumptions and warnings.
 
 use super::fit::{Found, Why};
 use super::reconstruct::{Fitted, Job};
@@ -6,11 +6,12 @@ use super::report::{Masked, PeriodReport, Registration, Report, Seconds};
 use super::settings::{Directions, Orientation, Settings};
 use super::view::half;
 
-/// What lobes that are not quite Gaussian may do to all periods alike, over themselves.
+/// Relative systematic error of all periods from non-Gaussian lobes.
 const LOBE: f64 = 0.003;
 
 impl Job {
-    /// Relative change of a half vector of this length when the light is higher, or the camera, by a mm: means over the sheet.
+    /// Relative change of a half vector of this length per mm of light height and of camera height, averaged over the
+    /// sheet.
     fn per_mm(&self, length: f64) -> [f64; 2] {
         let mut sums = [0.0; 3];
         let [x, y, z] = self.view.viewer;
@@ -29,7 +30,7 @@ impl Job {
         [sums[1] / sums[0].max(1e-9), sums[2] / sums[0].max(1e-9)]
     }
 
-    /// Report without the times.
+    /// Report without computation times.
     pub fn report(&self, fit: &Fitted, settings: &Settings) -> Report {
         let Fitted { found, period, directions, lobe, prior } = fit;
         let um = self.wavelength_nm / 1000.0;
@@ -99,7 +100,7 @@ impl Job {
         report
     }
 
-    /// How far apart the half vectors of a place's copies lie, both signs folded.
+    /// Typical distance between half vectors of a position's copies, with both signs folded.
     pub fn spacing(&self, at: [f64; 2]) -> f64 {
         let [width, height] = [self.tiling.width, self.tiling.height].map(|n| n as f64 * self.tiling.pitch_mm);
         let half = |dx: f64, dy: f64| self.view.half([at[0] + dx, at[1] + dy], self.lights[0]).half;

@@ -1,4 +1,4 @@
-//! What the user may choose.
+//! Options of the flash reconstruction.
 
 use nacre_base::{Error, Result};
 use nacre_image::Palette;
@@ -6,13 +6,14 @@ use nacre_optics::geometry::Geometry;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Periods that can be asked for, in µm.
+/// Permitted range of periods in µm.
 const PERIODS_UM: [f64; 2] = [0.1, 100.0];
 
-/// Most tiles.
+/// Maximum number of tiles.
 const MOST_TILES: usize = 10_000;
 
-/// Reconstruct orientation and absolute period of gratings on a sheet of repeated tiles, from photographs under a flash.
+/// Reconstruct orientation and absolute period of gratings on a sheet of repeated tiles, from photographs under a
+/// flash.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "FlashOptions", extend(
@@ -23,8 +24,8 @@ pub struct Settings {
     /// Positions of camera and sheet (geometry.json; default: the one beside the photographs).
     #[schemars(extend("x-file" = true))]
     pub geometry: Option<Geometry>,
-    /// Corners of the sheet in pixels, without a calibrated geometry: top left, top right, bottom right, bottom left; auto detects them in the
-    /// photograph by room light.
+    /// Corners of the sheet in pixels, without a calibrated geometry: top left, top right, bottom right, bottom left;
+    /// auto detects them in the photograph by room light.
     #[schemars(extend("x-placeholder" = "auto|X,Y,X,Y,X,Y,X,Y", "x-unset" = "auto", "x-aliases" = ["corners"]))]
     pub corners_px: Option<[[f64; 2]; 4]>,
     /// Width and height of the sheet in mm.
@@ -32,12 +33,14 @@ pub struct Settings {
     pub size_mm: Option<[f64; 2]>,
     /// Height of the camera above the sheet in mm, without a calibrated geometry.
     pub camera_mm: Option<f64>,
-    /// Height of the light above the sheet in mm, in place of that of the photographs; its position follows from the highlight.
+    /// Height of the light above the sheet in mm, in place of that of the photographs; its position follows from the
+    /// highlight.
     pub light_height_mm: Option<f64>,
     /// Number of tiles to the right and down, which fill the sheet (default: one, or those found with reference_px).
     #[schemars(extend("x-placeholder" = "NxM"))]
     pub tiles: Option<[usize; 2]>,
-    /// A tile in the photograph by room light: left, top, width and height in pixels. The others are found by correlation.
+    /// A tile in the photograph by room light: left, top, width and height in pixels. The others are found by
+    /// correlation.
     #[schemars(extend("x-placeholder" = "X,Y,W,H"))]
     pub reference_px: Option<[f64; 4]>,
     /// Leave tiles on their grid, rather than registering each with the others.
@@ -49,14 +52,17 @@ pub struct Settings {
     /// Range in µm in which all periods are known to lie; distinguishes first orders from second ones.
     #[schemars(extend("x-placeholder" = "MIN:MAX"))]
     pub period_um: Option<[f64; 2]>,
-    /// Orientations: half fits lobes over half vectors, image is the direction to the highlight in the image (2018 paper).
+    /// Orientations: half fits lobes over half vectors, image is the direction to the highlight in the image (2018
+    /// paper).
     #[schemars(extend("x-advanced" = true))]
     pub orientation: Orientation,
     /// One period for all pixels, or one each; auto is that with more evidence.
     pub period: PeriodChoice,
-    /// Shared gratings: places with the same grooves are fitted together, so that one photograph can be enough. auto decides by evidence.
+    /// Shared gratings: places with the same grooves are fitted together, so that one photograph can be enough. auto
+    /// decides by evidence.
     ///
-    /// Periods that change gradually over the sheet can look like evidence. shared masks areas with grooves of their own.
+    /// Periods that change gradually over the sheet can look like evidence. shared masks areas with grooves of their
+    /// own.
     pub directions: Directions,
     /// Standard deviation of the light in its plane, in mm (default: that of its highlight).
     #[schemars(extend("x-advanced" = true))]
@@ -100,48 +106,48 @@ Writes orientation.exr (orientation, sigma in rad, mask), period.exr (period, si
 period.png (lines per mm), sigma.png and report.json. Pixels are masked where nothing is lit, where several gratings or
 orders explain the light, and where too few copies are near a lobe.";
 
-/// How orientations are told.
+/// Method of orientation measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Orientation {
-    /// From lobes fitted over half vectors.
+    /// Fit of lobes over half vectors.
     #[default]
     Half,
-    /// From the brightest copy and its direction towards the highlight in the image, as the paper does.
+    /// Direction from the brightest copy to the highlight in the image (2018 paper).
     Image,
 }
 
-/// Whether polygons share few directions and periods, so that places of the same grooves tell together what none tells alone.
+/// Shared directions and periods of polygons, which permit joint fits where single positions are undetermined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Directions {
-    /// If there is evidence for it. Periods that change gradually over the sheet can look like evidence.
+    /// Shared if there is evidence. Periods that change gradually over the sheet can look like evidence.
     Auto,
-    /// They do; areas with grooves of their own are masked.
+    /// Shared; areas with other gratings are masked.
     Shared,
-    /// Each place by itself.
+    /// Each position independently.
     #[default]
     Free,
 }
 
-/// Whether pixels share one period.
+/// Common or individual periods.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PeriodChoice {
-    /// Whichever has more evidence.
+    /// The alternative with more evidence.
     #[default]
     Auto,
-    /// One for all.
+    /// One period for all pixels.
     Sample,
-    /// One each.
+    /// One period per pixel.
     Pixel,
 }
 
 impl Settings {
-    /// Refuses what makes no sense.
+    /// Validates the options.
     ///
     /// # Errors
-    /// `Input`, which names the setting.
+    /// `Input`, naming the option.
     pub fn check(&self) -> Result<()> {
         let within = |what: &str, value: Option<f64>, low: f64, high: f64| match value {
             Some(v) if !(low..=high).contains(&v) => {

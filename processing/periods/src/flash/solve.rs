@@ -1,73 +1,75 @@
-//! Least squares for one grating: its vector, the light of its orders, and stray light.
+//! Least-squares fit of one grating: its vector, the light of its orders, and stray light.
 
 use super::lobe::Shape;
 use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nalgebra::{SMatrix, SVector};
 
-/// Orders to each side that are fitted.
+/// Number of fitted orders on each side.
 pub(super) const ORDERS: usize = 3;
 
 /// Grating vector, stray light, light of the orders.
 const UNKNOWNS: usize = 3 + ORDERS;
 
-/// Lobes end where they are 1e-6 of their peak.
+/// Squared radius in standard deviations at which lobes are truncated (1e-6 of the peak).
 const FAR: f64 = 28.0;
 
-/// Steps of the fit.
+/// Maximum number of iterations.
 const STEPS: usize = 30;
 
-/// Damping of the fit.
+/// Levenberg-Marquardt damping.
 const DAMPING: Damping = Damping { first: 1e-3, down: 0.2, least: 0.0, up: 8.0, most: 1e8 };
 
-/// The fit ends when χ² falls by less.
+/// Decrease of χ² below which the fit has converged.
 const CONVERGED: f64 = 1e-3;
 
-/// Light that is said of an order or of stray light without evidence, over the brightest copy: standard deviation.
+/// Prior standard deviation of the light of an order and of stray light, relative to the brightest copy; applies
+/// without evidence.
 const VAGUE: f64 = 6.0;
 
 type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Vector = SVector<f64, UNKNOWNS>;
 
-/// One copy of a place of the tile under one light.
+/// One copy of a position of the tile under one light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Copy {
     /// Half vector.
     pub half: [f64; 2],
-    /// Lobes there.
+    /// Shape of a lobe there.
     pub shape: Shape,
-    /// Light over what falls on the place, over the brightest copy's.
+    /// Light divided by irradiance, relative to the brightest copy.
     pub light: f64,
-    /// Inverse variance of it.
+    /// Inverse variance of `light`.
     pub weight: f64,
 }
 
-/// What is known of gratings beforehand.
+/// Prior knowledge about gratings.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prior {
-    /// Least and largest length of the grating vector λ/a.
+    /// Minimum and maximum length of the grating vector λ/a.
     pub range: [f64; 2],
-    /// Length that all share, and its standard deviation.
+    /// Common length and its standard deviation.
     pub shared: Option<[f64; 2]>,
 }
 
-/// A grating that explains the copies.
+/// A fitted grating.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Solution {
     /// Grating vector λ/a (cos θ, sin θ).
     pub vector: [f64; 2],
-    /// Its covariance, xx, xy, yy.
+    /// Covariance of the vector: xx, xy, yy.
     pub covariance: [f64; 3],
     /// Energy of the orders 1, 2, …
     pub orders: [f64; ORDERS],
-    /// Standard deviation of the first.
+    /// Standard deviation of the first order's energy.
     pub first_sigma: f64,
     /// Stray light.
     pub stray: f64,
-    /// Sum of squares, each over its variance.
+    /// χ².
     pub cost: f64,
 }
 
-/// Peaks of lobes at a copy, relative to the energy, and how they change with the order's place.
+/// Value of a lobe at a copy for unit energy, and its derivative with respect to the order's position; `None` far from
+/// the lobe.
 fn kernel(copy: &Copy, center: [f64; 2]) -> Option<(f64, [f64; 2])> {
     let d = [copy.half[0] - center[0], copy.half[1] - center[1]];
     let square = copy.shape.square(d);
@@ -79,7 +81,7 @@ fn kernel(copy: &Copy, center: [f64; 2]) -> Option<(f64, [f64; 2])> {
     Some((value, [value * (a * d[0] + b * d[1]), value * (b * d[0] + c * d[1])]))
 }
 
-/// What a grating shows at a copy, and how that changes with the unknowns.
+/// Predicted light of a copy, and its derivatives with respect to the unknowns.
 fn row(copy: &Copy, p: &Vector) -> (f64, Vector) {
     let mut row = Vector::zeros();
     row[2] = 1.0;
@@ -98,14 +100,14 @@ fn row(copy: &Copy, p: &Vector) -> (f64, Vector) {
     (light, row)
 }
 
-/// Normal equations of what is left over, and its sum of squares.
+/// Normal equations of the residuals, and χ².
 fn normal(copies: &[Copy], p: &Vector, prior: &Prior) -> (Matrix, Vector, f64) {
     let (mut a, mut b, mut cost) = (Matrix::zeros(), Vector::zeros(), 0.0);
     for copy in copies {
         let (light, row) = row(copy, p);
         let left = copy.light - light;
         cost += copy.weight * left * left;
-        // Most copies see stray light only.
+        // Most copies see only stray light.
         if row[3] == 0.0 && row[4] == 0.0 && row[5] == 0.0 {
             a[(2, 2)] += copy.weight;
             b[2] += copy.weight * left;
@@ -138,7 +140,7 @@ fn normal(copies: &[Copy], p: &Vector, prior: &Prior) -> (Matrix, Vector, f64) {
     (a, b, cost)
 }
 
-/// Nothing is darker than dark, and gratings are in range.
+/// Clamps light to non-negative values and the vector to its range.
 fn clamped(mut p: Vector, prior: &Prior) -> Vector {
     (2..UNKNOWNS).for_each(|k| p[k] = p[k].max(0.0));
     let length = p[0].hypot(p[1]);
@@ -150,7 +152,7 @@ fn clamped(mut p: Vector, prior: &Prior) -> Vector {
     p
 }
 
-/// Best light of the orders of a grating whose vector stays.
+/// Optimal light of the orders for a fixed grating vector.
 fn with_light(copies: &[Copy], vector: [f64; 2], prior: &Prior) -> Vector {
     let mut p = Vector::zeros();
     (p[0], p[1]) = (vector[0], vector[1]);
@@ -163,13 +165,13 @@ fn with_light(copies: &[Copy], vector: [f64; 2], prior: &Prior) -> Vector {
     p
 }
 
-/// Sum of squares of a grating at a vector, with the best light of its orders.
+/// χ² at a grating vector, with the optimal light of its orders.
 pub(super) fn cost_at(copies: &[Copy], vector: [f64; 2], prior: &Prior) -> f64 {
     let p = with_light(copies, vector, prior);
     normal(copies, &p, prior).2
 }
 
-/// The copies of one grating and what is known of it beforehand.
+/// Copies and prior of one grating.
 struct Lobes<'a> {
     copies: &'a [Copy],
     prior: &'a Prior,
@@ -212,12 +214,12 @@ impl Problem for Lobes<'_> {
     }
 }
 
-/// The nearest least squares to a vector.
+/// Least-squares solution that starts at a vector.
 pub(super) fn solve(copies: &[Copy], vector: [f64; 2], prior: &Prior) -> Option<Solution> {
     let lobes = Lobes { copies, prior };
     let start = lobes.at(clamped(with_light(copies, vector, prior), prior));
     let Tried { unknowns: p, matrix: a, cost, .. } = levenberg_marquardt(&lobes, start, DAMPING, STEPS).ok()?;
-    // A little damping where nothing tells the vector: its variance is then huge, as it should be.
+    // Slight regularisation of undetermined vectors, whose variance is then large.
     let inverse = (a + Matrix::identity() * 1e-9).cholesky()?.inverse();
     Some(Solution {
         vector: [p[0], p[1]],
@@ -230,13 +232,13 @@ pub(super) fn solve(copies: &[Copy], vector: [f64; 2], prior: &Prior) -> Option<
 }
 
 impl Solution {
-    /// What it shows at a copy.
+    /// Predicted light of a copy.
     pub fn light(&self, copy: &Copy) -> f64 {
         let p = self.unknowns();
         row(copy, &p).0
     }
 
-    /// How much of a lobe of its own a copy sees, 0 to 1.
+    /// Largest relative lobe value of any order at a copy, 0 to 1.
     pub fn inside(&self, copy: &Copy) -> f64 {
         let near = |k: f64| kernel(copy, [k * self.vector[0], k * self.vector[1]]).map_or(0.0, |(v, _)| v);
         let of = |n: usize| {
@@ -246,7 +248,8 @@ impl Solution {
         (1..=ORDERS).map(of).fold(0.0, f64::max) / copy.shape.peak
     }
 
-    /// Light of an order that would lie at a part of the first one's place, and its standard deviation: zero or so where there is none.
+    /// Light of an order at `part` times the first order's position, and its standard deviation; near zero if no such
+    /// order exists.
     pub fn light_at(&self, copies: &[Copy], part: f64) -> [f64; 2] {
         let (mut top, mut bottom) = (0.0, 0.0);
         let p = self.unknowns();

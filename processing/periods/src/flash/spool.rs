@@ -1,4 +1,4 @@
-//! Copies of the tile under every light, kept on disk.
+//! Copies of the tile under each light, stored on disk.
 
 use super::photographs::Photograph;
 use super::tiling::Tiling;
@@ -7,7 +7,7 @@ use nacre_base::Result;
 use nacre_image::Spool;
 use rayon::prelude::*;
 
-/// An empty spool for copies of a tile: rows of the tile, in them columns, in them copies with light and variance.
+/// Empty spool of a tile's copies: by row, column and copy, each with light and variance.
 pub(super) fn of_copies(tiling: &Tiling) -> Spool {
     Spool::new(2 * tiling.width * tiling.origins.len())
 }
@@ -18,7 +18,7 @@ pub(super) fn of_copies(tiling: &Tiling) -> Spool {
 /// As [`Spool::add`].
 pub(super) fn add(spool: &mut Spool, photograph: &Photograph, tiling: &Tiling, view: &View) -> Result<()> {
     let row = tiling.width * tiling.origins.len();
-    // Some 4 MiB of copies are looked up by all threads, and then written.
+    // About 4 MiB of copies are interpolated by all threads before they are written.
     let rows_at_once = (4 << 20) / (8 * row).max(1) + 1;
     let of_row = |y: usize| {
         let copy = |i: usize| {

@@ -1,8 +1,8 @@
-//! Where the tiles of a sheet lie, to a small part of a pixel.
+//! Positions of a sheet's tiles, to a small fraction of a pixel.
 //!
-//! Tiles that are a pixel off show another polygon's light at every edge (2018 paper, section 7.2). Those of a grid are moved, one by one,
-//! to where they look most like the reference tile by room light; from a reference tile alone, its neighbours are found by correlation, and
-//! theirs, until the sheet ends.
+//! A misalignment by one pixel mixes the light of adjacent polygons at every edge (2018 paper, section 7.2). Tiles of a
+//! regular grid are therefore registered individually to the reference tile under room light. With a reference tile
+//! alone, its neighbours are found by correlation, then their neighbours, up to the border of the sheet.
 
 use super::photographs::Photograph;
 use super::settings::Settings;
@@ -12,52 +12,52 @@ use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Tiles of a grid are looked for within this part of their size of where they should lie, and those beside a found one.
+/// Search radius relative to the tile's size, for tiles of a grid and for neighbours of a known tile.
 const SEARCHED: f64 = 0.06;
 
-/// Correlation from which a patch is a tile.
+/// Minimum correlation of a tile.
 const ALIKE: f64 = 0.6;
 
-/// Most pixels of a tile, and most copies of all its pixels.
+/// Maximum number of pixels of a tile, and maximum number of copies of all its pixels.
 const MOST_PIXELS: usize = 16 << 20;
 const MOST_COPIES: usize = 512 << 20;
 
-/// Steps of Lucas and Kanade.
+/// Maximum number of Lucas-Kanade iterations.
 const STEPS: usize = 12;
 
-/// Where tiles lie.
+/// Positions of tiles.
 #[derive(Clone, Debug)]
 pub(super) struct Tiling {
-    /// Pixels of the map.
+    /// Width of the map in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height of the map in pixels.
     pub height: usize,
-    /// Size of a pixel on the sheet in mm.
+    /// Pixel size on the sheet in mm.
     pub pitch_mm: f64,
-    /// Left top corner of every tile in mm (right and up of the sheet's middle), the reference first.
+    /// Top left corner of each tile in mm to the right of and above the sheet's centre; the reference comes first.
     pub origins: Vec<[f64; 2]>,
 }
 
-/// How well tiles lie over each other.
+/// Result of the registration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Moved {
-    /// Largest move of a tile in pixels of the map.
+    /// Largest displacement of a tile in map pixels.
     pub most_px: f64,
-    /// Typical σ of a tile's place, in pixels.
+    /// Typical σ of a tile's position in pixels.
     pub sigma_px: f64,
-    /// Tiles that were left out, since they look like no other.
+    /// Number of rejected tiles, which resemble no other.
     pub left_out: usize,
 }
 
 impl Tiling {
-    /// Place on the sheet of a pixel of a tile.
+    /// Position on the sheet of a tile's pixel.
     pub fn place(&self, tile: usize, x: usize, y: usize) -> [f64; 2] {
         let [left, top] = self.origins[tile];
         [left + (x as f64 + 0.5) * self.pitch_mm, top - (y as f64 + 0.5) * self.pitch_mm]
     }
 
-    /// Parts of every tile that others lie over, where it is not known which of them is seen: left, top, right and bottom in its pixels. Half a
-    /// pixel counts for none.
+    /// Parts of every tile overlapped by others, where the visible tile is unknown: left, top, right and bottom in the
+    /// tile's pixels. Overlaps of up to half a pixel are ignored.
     pub fn overlaps(&self) -> Vec<Vec<[f64; 4]>> {
         let size = [self.width as f64, self.height as f64];
         let of = |k: usize| {
@@ -74,7 +74,7 @@ impl Tiling {
         (0..self.origins.len()).into_par_iter().map(of).collect()
     }
 
-    /// Smallest and largest place that any tile takes up.
+    /// Bounding box of all tiles.
     pub fn extent(&self) -> [[f64; 2]; 2] {
         let size = [self.width as f64 * self.pitch_mm, self.height as f64 * self.pitch_mm];
         let fold =
@@ -92,10 +92,10 @@ impl Tiling {
         Ok(self)
     }
 
-    /// Tiles that fill a sheet; the one in the middle is the reference.
+    /// Grid of tiles that fills a sheet; the central tile is the reference.
     ///
     /// # Errors
-    /// `Input` when they are too many or too small.
+    /// `Input` for too many or too small tiles.
     pub fn grid(size_mm: [f64; 2], [columns, rows]: [usize; 2], pitch_mm: f64) -> Result<Self> {
         let tile = [size_mm[0] / columns as f64, size_mm[1] / rows as f64];
         let corner = |i: usize| {
@@ -110,7 +110,7 @@ impl Tiling {
         Self { width, height, pitch_mm, origins }.checked()
     }
 
-    /// One tile, from which the others are to be found.
+    /// One tile, from which the others are found.
     fn one(reference_px: [f64; 4], view: &View, pitch_mm: f64) -> Result<Self> {
         let [x, y, w, h] = reference_px;
         let beyond = || {
@@ -128,10 +128,10 @@ impl Tiling {
     }
 }
 
-/// Tiles as the settings have them, moved to where the photograph by room light shows them.
+/// Tiles according to the options, registered in the photograph under room light.
 ///
 /// # Errors
-/// `Input` when they are none, or when a reference tile is given but no photograph by room light.
+/// `Input` for invalid tiles, and for a reference tile without a photograph under room light.
 pub(super) fn tiling(
     settings: &Settings,
     view: &View,
@@ -161,7 +161,7 @@ pub(super) fn tiling(
     Ok((tiling, moved))
 }
 
-/// What a patch of a tile's size shows, with a border of so many pixels.
+/// Resampled patch of a tile's size with a border in pixels.
 fn patch(tiling: &Tiling, origin: [f64; 2], border: usize, view: &View, room: &Photograph) -> Vec<f32> {
     let width = tiling.width + 2 * border;
     let at = |k: usize, from: f64, sign: f64| from + sign * (k as f64 + 0.5 - border as f64) * tiling.pitch_mm;
@@ -172,11 +172,11 @@ fn patch(tiling: &Tiling, origin: [f64; 2], border: usize, view: &View, room: &P
     (0..width * (tiling.height + 2 * border)).map(pixel).collect()
 }
 
-/// Correlation of a tile with a part of a patch that has a border, moved by so much right and down; none where less than half is seen.
+/// Correlation of a tile with a part of a patch, displaced to the right and down; `None` if less than half is visible.
 fn correlation(tile: &[f32], size: [usize; 2], patch: &[f32], border: usize, [dx, dy]: [i64; 2]) -> Option<f64> {
     let across = size[0] + 2 * border;
     let mut sums = [0.0_f64; 6];
-    // Every other row is enough to find it.
+    // Every other row suffices for the search.
     for y in (0..size[1]).step_by(if size[1] > 60 { 2 } else { 1 }) {
         let from = (y as i64 + border as i64 + dy) as usize * across + (border as i64 + dx) as usize;
         for (a, b) in tile[y * size[0]..][..size[0]].iter().zip(&patch[from..]) {
@@ -195,7 +195,7 @@ fn correlation(tile: &[f32], size: [usize; 2], patch: &[f32], border: usize, [dx
     (va > 0.0 && vb > 0.0).then(|| (ab - a * b / n) / (va * vb).sqrt())
 }
 
-/// Where a patch looks most like the tile, within a border: pixels right and down, correlation.
+/// Displacement to the right and down with the highest correlation within a border, and that correlation.
 fn nearest(
     tile: &[f32],
     tiling: &Tiling,
@@ -217,7 +217,7 @@ fn border(tiling: &Tiling, part: f64) -> usize {
     ((part * tiling.width.max(tiling.height) as f64).ceil() as usize).clamp(5, 40)
 }
 
-/// Finds neighbours of a reference tile, and theirs.
+/// Finds the neighbours of the reference tile, and successively their neighbours.
 fn spread(tiling: &mut Tiling, view: &View, room: &Photograph) {
     let tile = patch(tiling, tiling.origins[0], 0, view, room);
     let (reach, pitch) = (border(tiling, SEARCHED), tiling.pitch_mm);
@@ -231,7 +231,7 @@ fn spread(tiling: &mut Tiling, view: &View, room: &Photograph) {
                 continue;
             }
             let expected = [origin[0] + dx as f64 * size[0], origin[1] - dy as f64 * size[1]];
-            // Only whole tiles.
+            // Only complete tiles count.
             let corners = [[0.0, 0.0], [size[0], 0.0], [0.0, -size[1]], size.map(|s| s)].map(|c| {
                 let p = view.pixel([expected[0] + c[0], expected[1] - c[1].abs()]);
                 p.is_some_and(|p| {
@@ -252,7 +252,7 @@ fn spread(tiling: &mut Tiling, view: &View, room: &Photograph) {
     }
 }
 
-/// Moves all tiles but the first to where they look most like it, and then like the mean of all.
+/// Registers all tiles to the first one, and then to the mean of all.
 fn register(tiling: &mut Tiling, view: &View, room: &Photograph, searched: f64) -> Moved {
     let begun = tiling.origins.clone();
     let mut model = patch(tiling, tiling.origins[0], 0, view, room);
@@ -274,7 +274,7 @@ fn register(tiling: &mut Tiling, view: &View, room: &Photograph, searched: f64) 
         let found: Vec<([f64; 2], f64)> = (0..tiling.origins.len()).into_par_iter().map(of).collect();
         for (k, (origin, s)) in found.into_iter().enumerate() {
             keep[k] = s.is_finite() && (round == 0 || keep[k]);
-            // The reference says where all are.
+            // The reference tile defines the origin.
             if k > 0 && s.is_finite() {
                 (tiling.origins[k], sigma[k]) = (origin, s);
             }
@@ -295,7 +295,7 @@ fn register(tiling: &mut Tiling, view: &View, room: &Photograph, searched: f64) 
     Moved { most_px: most / tiling.pitch_mm, sigma_px: known.get(known.len() / 2).copied().unwrap_or(0.0), left_out }
 }
 
-/// Mean of the tiles, each over its own mean.
+/// Mean of the tiles, each normalised by its own mean.
 fn mean(tiling: &Tiling, keep: &[bool], view: &View, room: &Photograph) -> Vec<f32> {
     let mut sum = vec![[0.0_f32; 2]; tiling.width * tiling.height];
     for (origin, _) in tiling.origins.iter().zip(keep).filter(|(_, keep)| **keep) {
@@ -310,8 +310,8 @@ fn mean(tiling: &Tiling, keep: &[bool], view: &View, room: &Photograph) -> Vec<f
     sum.into_iter().map(|[v, n]| v / n).collect()
 }
 
-/// Where a tile looks most like the model, up to brightness and stray light (Lucas and Kanade 1981), and σ of it in pixels; NaN when it does
-/// not settle.
+/// Position where a tile matches the model, up to a gain and an offset of brightness (Lucas and Kanade 1981), and its σ
+/// in pixels; NaN without convergence.
 fn refined(tiling: &Tiling, model: &[f32], mut origin: [f64; 2], view: &View, room: &Photograph) -> ([f64; 2], f64) {
     let (width, height) = (tiling.width, tiling.height);
     let begun = origin;
@@ -361,7 +361,8 @@ mod tests {
 
     #[test]
     fn tiles_overlap_where_others_lie_over_them() {
-        // Two side by side, the second half a pixel and 3 pixels into the first, and one below that leaves a gap.
+        // Two adjacent tiles, the second overlapping the first by 3 pixels and displaced by half a pixel; and one below
+        // them, beyond a gap.
         let at = |x: f64| Tiling {
             width: 10,
             height: 8,
@@ -370,7 +371,7 @@ mod tests {
         };
         assert!(at(0.25).overlaps().iter().all(Vec::is_empty));
         let found = at(1.5).overlaps();
-        // The second begins 7 pixels from the left and a pixel above the first.
+        // The second tile begins 7 pixels to the right of and one pixel above the first.
         assert_eq!(found, [vec![[7.5, -0.5, 16.5, 6.5]], vec![[-6.5, 1.5, 2.5, 8.5]], vec![]]);
     }
 }

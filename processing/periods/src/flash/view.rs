@@ -1,4 +1,4 @@
-//! Where pixels lie on the sheet, and under which half vector they are seen.
+//! Camera view of the sheet: positions of pixels, and half vectors.
 
 use super::settings::Settings;
 use nacre_base::{Error, Result};
@@ -6,53 +6,54 @@ use nacre_image::homography;
 use nacre_optics::geometry::Geometry;
 use nalgebra::{Matrix3, Vector3};
 
-/// From places on the sheet (mm, right and up of its middle) to pixels, and what is seen there.
+/// Mapping between sheet positions (mm, to the right of and above the centre) and pixels.
 pub(super) struct View {
     map: Map,
-    /// The camera.
+    /// Position of the camera.
     pub viewer: [f64; 3],
-    /// Why periods are known only up to a common factor; none for a calibrated camera.
+    /// Reason why periods are relative; `None` for a calibrated camera.
     pub relative: Option<String>,
-    /// What places that are not where they are thought to be may do to periods, over themselves: unevenly, so that parts of the sheet seem to differ.
+    /// Relative error of periods from position errors that vary over the sheet, so that parts of it appear to differ.
     pub uneven: f64,
 }
 
-/// How far corners may be off that were picked or found, in pixels.
+/// Standard deviation in pixels of detected or picked corners.
 const CORNER_PX: f64 = 1.0;
 
 enum Map {
     Calibrated(Box<Geometry>),
-    /// From places to pixels; w = 1 at the origin.
+    /// Homography from sheet positions to pixels; w = 1 at the origin.
     Flat(Matrix3<f64>),
 }
 
-/// Light on a place and towards the camera.
+/// Directions of light and camera at a position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Half {
-    /// The place, in mm.
+    /// Position in mm.
     pub place: [f64; 2],
-    /// Tangent part of ωi + ωo (physics: 2018 paper, Eq. 3 and section 4.4).
+    /// Tangential part of ωi + ωo (2018 paper, Eq. 3 and section 4.4).
     pub half: [f64; 2],
-    /// Cosine of the incident light over the square of its distance, in 1/mm².
+    /// Cosine of incidence over squared distance, in 1/mm².
     pub gain: f64,
-    /// How the half vector changes with the light's place in its plane, xx, xy and yy in 1/mm.
+    /// Derivative of the half vector with respect to the light's position in its plane: xx, xy and yy in 1/mm.
     pub slope: [f64; 3],
-    /// By how much the mean half vector over a light of some size is off that of its middle, per mm² of the light's variance.
+    /// Deviation of the mean half vector over an extended light from that of its centre, per mm² of the light's
+    /// variance.
     pub bend: [f64; 2],
 }
 
 impl View {
-    /// A calibrated one.
+    /// View of a calibrated camera.
     pub fn calibrated(geometry: &Geometry) -> Self {
         let relative = geometry.relative.then(|| "the geometry is one of relative lengths".to_owned());
         Self { viewer: geometry.viewer(), map: Map::Calibrated(Box::new(geometry.clone())), relative, uneven: 0.0 }
     }
 
-    /// The paper's approximate one (section 4.4): four corners of a sheet of known size, a camera without distortion over the middle of a
-    /// photograph of `image` pixels.
+    /// Approximate view (2018 paper, section 4.4): four corners of a sheet of known size, and a camera without
+    /// distortion above the centre of a photograph of `image` pixels.
     ///
     /// # Errors
-    /// `Input` when the corners are none.
+    /// `Input` for invalid corners.
     pub fn flat(corners: [[f64; 2]; 4], size_mm: [f64; 2], camera_mm: f64, image: [usize; 2]) -> Result<Self> {
         let [w, h] = size_mm.map(|s| 0.5 * s);
         let places = [[-w, h], [w, h], [w, -h], [-w, -h]];
@@ -60,7 +61,7 @@ impl View {
             let [a, b, c] = [corners[k], corners[(k + 1) % 4], corners[(k + 2) % 4]];
             (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
         };
-        // Clockwise on the picture, where y falls.
+        // Clockwise in the picture, where y points down.
         if (0..4).any(|k| twist(k).is_nan() || twist(k) <= 1.0) {
             let remedy = "give top left, top right, bottom right, bottom left as x,y";
             return Err(Error::input("--corners-px", format!("{corners:?} is no sheet seen from above"), remedy));
@@ -82,7 +83,7 @@ impl View {
         Ok(view)
     }
 
-    /// Pixel that shows a place; none when the camera cannot see it.
+    /// Pixel that shows a position; `None` if it is not visible.
     pub fn pixel(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         match &self.map {
             Map::Calibrated(geometry) => geometry.pixel([x, y, 0.0]),
@@ -90,7 +91,7 @@ impl View {
         }
     }
 
-    /// Place that a pixel shows.
+    /// Position shown by a pixel.
     pub fn point(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         match &self.map {
             Map::Calibrated(geometry) => geometry.point(pixel).map(|[x, y, _]| [x, y]),
@@ -98,19 +99,19 @@ impl View {
         }
     }
 
-    /// What a place is seen under, with the light at another.
+    /// Half vector and irradiance at a position for a light.
     pub fn half(&self, place: [f64; 2], light: [f64; 3]) -> Half {
         half(self.viewer, place, light)
     }
 
-    /// Place of a light at a height whose mirror image in the sheet is seen at a place.
+    /// Position of a light at a known height whose mirror image appears at a position on the sheet.
     pub fn light_at(&self, highlight: [f64; 2], height_mm: f64) -> [f64; 3] {
         let back = height_mm / self.viewer[2];
         let [x, y] = [0, 1].map(|k| highlight[k] + back * (highlight[k] - self.viewer[k]));
         [x, y, height_mm]
     }
 
-    /// Size of a pixel on the sheet, in mm, at a place.
+    /// Pixel size on the sheet in mm, at a position.
     pub fn pixel_mm(&self, at: [f64; 2]) -> Option<f64> {
         let step = 1.0;
         let [a, b, c] = [self.pixel(at)?, self.pixel([at[0] + step, at[1]])?, self.pixel([at[0], at[1] + step])?];
@@ -119,7 +120,7 @@ impl View {
     }
 }
 
-/// What a place is seen under from another, with the light at a third.
+/// Half vector and irradiance at a position for a camera and a light.
 pub(super) fn half(viewer: [f64; 3], [x, y]: [f64; 2], light: [f64; 3]) -> Half {
     let towards = |far: [f64; 3]| {
         let d = [far[0] - x, far[1] - y, far[2]];
@@ -127,8 +128,8 @@ pub(super) fn half(viewer: [f64; 3], [x, y]: [f64; 2], light: [f64; 3]) -> Half 
         (d.map(|v| v / length), length)
     };
     let ((o, _), (i, distance)) = (towards(viewer), towards(light));
-    // Half of the half vector's second derivatives, and nearer points of the light being brighter: cos θi/d² changes by -3/d times
-    // the tangent part per mm.
+    // Half of the half vector's second derivatives, plus the effect of brighter near points of the light: cos θi/d²
+    // changes by -3/d times the tangential part per mm.
     let bend = -(0.5 + 4.5 * i[2] * i[2]) / (distance * distance);
     Half {
         place: [x, y],
@@ -144,10 +145,10 @@ fn project(m: &Matrix3<f64>, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
     (seen.z > 1e-9).then(|| [seen.x / seen.z, seen.y / seen.z])
 }
 
-/// The view that the settings and a geometry beside the photographs say; corners must be known by then.
+/// View from the options and the geometry; corners must be known.
 ///
 /// # Errors
-/// `Input` for what is missing.
+/// `Input` for missing values.
 pub(super) fn view(settings: &Settings, corners: Option<[[f64; 2]; 4]>, image: [usize; 2]) -> Result<View> {
     if let Some(geometry) = &settings.geometry {
         if let Some(of) = geometry.image_px.map(|s| s.map(|n| n as usize)).filter(|s| *s != image) {
@@ -200,7 +201,7 @@ mod tests {
                 assert!((slope - near.slope[slopes[k]]).abs() < 1e-7, "{axis} {k}");
             }
         }
-        // A light is where its highlight says.
+        // The light's position follows from its highlight.
         let place = view.light_at([12.0, -7.0], 210.0);
         let at_highlight = view.half([12.0, -7.0], place).half;
         assert!(at_highlight[0].abs() + at_highlight[1].abs() < 1e-12);

@@ -1,21 +1,21 @@
-//! What a pixel answers to fringes, what is asked of the answer, and what it turns out to be.
+//! Response of a pixel to fringes, requirements on it, and its interpretation.
 
-/// What is known beforehand, and what is asked of an answer.
+/// Prior knowledge, and requirements on a pixel's response.
 #[derive(Clone, Copy, Debug)]
 pub struct Demands {
     /// Shortest and longest period in µm.
     pub periods_um: [f64; 2],
-    /// Standard deviation of the mirror direction's sines about where the geometry puts it.
+    /// Standard deviation of the mirror direction's sines about the direction from the geometry.
     pub mirror_sigma: f64,
-    /// Part of a pixel's light that the model may be wrong by, per component of an answer.
+    /// Relative model error of a pixel's light, per component of a response.
     pub model_error: f64,
-    /// Mean square residual, in σ, up to which a grating explains a pixel.
+    /// Maximum reduced χ² of a grating.
     pub most_residual: f64,
-    /// Signal of the first orders over its own σ.
+    /// Minimum signal-to-noise ratio of the first orders.
     pub least_signal: f64,
-    /// Part of the brightest higher order that the first orders must at least be, so that a second order is not taken for a first.
+    /// Minimum first order relative to the brightest higher order, so that a second order is not taken for a first.
     pub least_first: f64,
-    /// How much more the next best explanation must leave over, as χ² over its own mean.
+    /// Minimum χ² difference to the next best explanation, relative to its mean.
     pub least_margin: f64,
 }
 
@@ -33,53 +33,53 @@ impl Default for Demands {
     }
 }
 
-/// Why a pixel has no answer.
+/// Classification of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It has one.
+    /// A single grating explains the light.
     Resolved,
-    /// Saturated, or no number.
+    /// Saturated, or not a number.
     Unusable,
     /// No light that follows the fringes.
     Dark,
-    /// Mirrored light only: the first orders are too weak or miss the panel.
+    /// Mirrored light only: first orders are too weak or miss the panel.
     NoOrder,
-    /// Light that a single grating does not explain.
+    /// No single grating explains the light.
     Unexplained,
-    /// Two gratings explain it equally well.
+    /// Two gratings explain the light equally well.
     Ambiguous,
 }
 
-/// A grating, with one standard deviation of what noise and model make of it.
+/// A grating with standard deviations from noise and model error.
 #[derive(Clone, Copy, Debug)]
 pub struct Grating {
     /// Direction of the grating vector in `[0, π)` rad.
     pub orientation: f64,
-    /// σ of that in rad.
+    /// Standard deviation of `orientation` in rad.
     pub orientation_sigma: f64,
     /// Period in µm.
     pub period_um: f64,
-    /// σ of that in µm.
+    /// Standard deviation of `period_um`.
     pub period_sigma_um: f64,
-    /// How far the mirror direction's sines are from where the geometry puts them.
+    /// Deviation of the mirror direction's sines from the direction of the geometry.
     pub mirror_offset: [f64; 2],
-    /// Mean square residual in σ.
+    /// Reduced χ².
     pub residual: f64,
-    /// Weight of both first orders over that of all light.
+    /// Fraction of the light in both first orders.
     pub first: f64,
-    /// Light of the orders from −3 to 3, the mirrored light in the middle, where the panel is white.
+    /// Light of the orders −3 to 3, with the mirrored light in the middle, for a white panel.
     pub weights: [f32; 7],
 }
 
-/// What became of a pixel: a grating, and where two explain it, both.
+/// Result of a pixel: classification, grating, and the two gratings of an ambiguous pixel.
 pub type Solution = (Verdict, Option<Grating>, Option<[Grating; 2]>);
 
-/// An answer of a pixel.
+/// Response of a pixel.
 pub struct Answer<'a> {
-    /// Real and imaginary part for each fringe, of white light's code.
+    /// Real and imaginary part for each fringe, relative to the code of white.
     pub components: &'a [f32],
-    /// Standard deviation of each of these by noise.
+    /// Standard deviation of each component due to noise.
     pub sigma: f64,
-    /// Its mean light.
+    /// Mean light.
     pub mean: f64,
 }

@@ -1,42 +1,42 @@
-//! Which fringes are shown, and the places of the panel that are tried with them.
+//! Fringe patterns, and the panel positions that are searched.
 
 use super::optics::Optics;
 use std::f64::consts::{PI, TAU};
 
-/// Spatial frequencies in cycles per mm for `count` fringes on a panel of this size, of which the finest has the period `finest_mm`.
+/// Spatial frequencies in cycles per mm of `count` fringes; the finest has the period `finest_mm`.
 ///
-/// Directions go round by the golden angle and frequencies are spread evenly over the disc of all frequencies, so that no two places of the
-/// panel answer all of them alike, whichever subset from the first on is taken.
+/// Directions advance by the golden angle, and frequencies are uniformly distributed over a disc. No two positions of
+/// the panel then have the same response to all fringes, for any leading subset of them.
 pub fn frequencies(count: usize, finest_mm: f64) -> Vec<[f64; 2]> {
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
     (0..count)
         .map(|j| {
             let (sin, cos) = (PI * ((j as f64) * golden).fract()).sin_cos();
-            // Halton's sequence in base 2: any first few are spread evenly.
+            // Halton sequence in base 2: every leading subset is uniformly distributed.
             let f = (0.15 + 0.85 * radical(j as u32 + 1)).sqrt() / finest_mm;
             [f * cos, f * sin]
         })
         .collect()
 }
 
-/// Digits of a number in base 2, mirrored at the point.
+/// Radical inverse in base 2.
 fn radical(number: u32) -> f64 {
     f64::from(number.reverse_bits()) / 4_294_967_296.0
 }
 
-/// Places on the panel and what each would answer.
+/// Panel positions and their responses.
 pub struct Search {
     columns: usize,
     rows: usize,
     step_mm: [f64; 2],
     size_mm: [f64; 2],
-    /// Per place, row by row: cos and sin for each fringe.
+    /// cos and sin for each fringe, by position, row by row.
     table: Vec<f32>,
     components: usize,
 }
 
 impl Search {
-    /// Places so close that the finest fringe turns by less than a sixth of a period between them.
+    /// Positions so dense that the phase of the finest fringe changes by less than a sixth of a period between them.
     pub fn new(optics: &Optics, carriers: &[[f64; 2]]) -> Self {
         let finest = carriers.iter().map(|k| k[0].hypot(k[1])).fold(1e-3, f64::max);
         let step = TAU / finest / 6.0;
@@ -62,7 +62,7 @@ impl Search {
         new
     }
 
-    /// Number of places.
+    /// Number of positions.
     pub fn places(&self) -> usize {
         self.columns * self.rows
     }
@@ -71,7 +71,7 @@ impl Search {
         [column as f64 * self.step_mm[0] - 0.5 * self.size_mm[0], row as f64 * self.step_mm[1] - 0.5 * self.size_mm[1]]
     }
 
-    /// Correlates the answers of `N` pixels, component by component, with every place; `out` is place by place.
+    /// Correlates the responses of `N` pixels with all positions; `out` is ordered by position.
     pub fn correlate<const N: usize>(&self, answers: &[[f32; N]], out: &mut Vec<[f32; N]>) {
         out.clear();
         for row in self.table.chunks_exact(self.components) {
@@ -85,7 +85,7 @@ impl Search {
         }
     }
 
-    /// The `N` highest peaks of a response, refined between places.
+    /// The `N` highest peaks of a correlation, refined between positions.
     pub fn peaks<const N: usize>(&self, response: &[f32]) -> Vec<[f64; 2]> {
         let mut peaks: Vec<(f32, [f64; 2])> = Vec::with_capacity(4 * N);
         let value = |c: usize, r: usize| response[r * self.columns + c];

@@ -1,4 +1,4 @@
-//! What a setting of the fringes will bring, before anything is photographed, and the cheapest that brings what is asked.
+//! Prediction of the accuracy of a fringe setting before capture, and selection of the cheapest sufficient setting.
 
 use super::answer::Demands;
 use super::carriers::frequencies;
@@ -7,52 +7,53 @@ use super::solve::MAX_CARRIERS;
 use nacre_frames::NoiseModel;
 use serde::Serialize;
 
-/// Frames besides the fringes: even light and a black panel.
+/// Frames in addition to the fringes: uniform light and a black panel.
 const BESIDES: usize = 4;
 
-/// Fewest fringes with which hardly any pixel is taken for another grating: with 10 none of 4096 pixels was, with 8 three, with 6 one in a
-/// hundred (docs/validation/spots.md).
+/// Minimum number of fringes for reliable identification of gratings. Of 4096 pixels, none was misidentified with 10
+/// fringes, three with 8, and 1 % with 6 (docs/validation/spots.md).
 pub const LEAST_FRINGES: usize = 10;
 
-/// Part of white that a pixel gives on average, and that one of its first orders does: a dim one of those that a metal grating of 100 nm
-/// gives, so that most pixels do better.
+/// Light of a pixel, and of one of its first orders, relative to white: a dim case of a metal grating 100 nm deep, so
+/// that most pixels are better.
 const MEAN: f64 = 0.25;
 const FIRST: f64 = 0.06;
 
-/// Fringes that may be shown.
+/// Parameters of the fringes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Setting {
-    /// Different ones.
+    /// Number of different fringes.
     pub count: usize,
-    /// Phases of each.
+    /// Number of phases per fringe.
     pub phases: usize,
-    /// Period of the finest in mm.
+    /// Period of the finest fringe in mm.
     pub finest_mm: f64,
 }
 
-/// What a setting brings.
+/// Predicted accuracy of a setting.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Prediction {
     /// The setting.
     pub setting: Setting,
-    /// Patterns, even light and black included.
+    /// Number of patterns, including uniform light and black.
     pub patterns: usize,
-    /// σ of the period over the period in a dim pixel with the longest period.
+    /// Relative σ of the period in a dim pixel with the longest period.
     pub period: f64,
-    /// σ of its orientation in degrees.
+    /// Standard deviation of its orientation in degrees.
     pub orientation_deg: f64,
 }
 
-/// What is wanted.
+/// Required accuracy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
-    /// σ of the period over the period.
+    /// Relative σ of the period.
     pub period: f64,
-    /// σ of the orientation in degrees.
+    /// Standard deviation of the orientation in degrees.
     pub orientation_deg: f64,
-    /// Longest period in µm: its orders are nearest to the mirror direction, so that a place on the panel says least of it.
+    /// Longest period in µm. Its orders are nearest to the mirror direction, so that panel positions determine it least
+    /// accurately.
     pub longest_um: f64,
-    /// Most patterns.
+    /// Maximum number of patterns.
     pub at_most: usize,
 }
 
@@ -62,8 +63,8 @@ impl Default for Request {
     }
 }
 
-/// Predicts σ from the noise of the camera, by the Fisher information of one first order on top of the mirrored light; none where no order
-/// of this period reaches the panel from the sample's middle.
+/// Predicts σ from camera noise by the Fisher information of one first order in addition to the mirrored light. `None`
+/// if no order of this period reaches the panel from the sample's centre.
 pub fn predict(optics: &Optics, noise: &NoiseModel, setting: Setting, period_um: f64) -> Option<Prediction> {
     let place = optics.place([0.0; 3]);
     let size = optics.wavelength_um / period_um;
@@ -76,7 +77,7 @@ pub fn predict(optics: &Optics, noise: &NoiseModel, setting: Setting, period_um:
         let angle = f64::from(15 * step).to_radians();
         let along = [angle.cos(), angle.sin()];
         let q = along.map(|a| size * a);
-        // The better of both first orders.
+        // The more accurate of both first orders.
         let best = [1.0, -1.0].into_iter().filter_map(|sign| {
             let sines = [0, 1].map(|a| place.mirror[a] + sign * q[a]);
             let landing = optics.land(place.point, sines).filter(|l| optics.is_on(l.at, 0.5 * optics.aperture_mm))?;
@@ -99,8 +100,8 @@ pub fn predict(optics: &Optics, noise: &NoiseModel, setting: Setting, period_um:
     Some(Prediction { setting, patterns, period, orientation_deg: turn.to_degrees() })
 }
 
-/// The cheapest setting that meets a request, with phases and finest fringes as `like`; none where the most patterns are too few, or nothing
-/// is in reach.
+/// The cheapest setting that meets the requirements, with phases and finest fringe of `like`. `None` if the maximum
+/// number of patterns does not suffice, or no order is within reach.
 pub fn cheapest(optics: &Optics, noise: &NoiseModel, like: &Setting, request: &Request) -> Option<Prediction> {
     let counts = LEAST_FRINGES..=MAX_CARRIERS;
     let all = counts.filter_map(|count| predict(optics, noise, Setting { count, ..*like }, request.longest_um));

@@ -1,8 +1,8 @@
-//! Photographs of discs on the panel as a second opinion.
+//! Verification by photographs of discs on the panel.
 //!
-//! Fringes repeat, discs do not: a grating says of each disc whether its light, mirrored or diffracted, reaches a pixel. What a diffuse
-//! ground adds grows with a disc's solid angle, and the room's light is the same in all; both are fitted along. Where fringes leave two gratings the
-//! one that the discs agree with is taken, and what contradicts them is masked.
+//! Fringes are periodic, discs are not: each grating predicts whether a disc's mirrored or diffracted light reaches a
+//! pixel. Diffuse reflection grows with the disc's solid angle, and room light is constant; both are fitted. Of two
+//! ambiguous gratings, the one consistent with the discs is selected; gratings inconsistent with them are masked.
 
 use super::answer::{Grating, Verdict};
 use super::optics::{Optics, Place};
@@ -17,33 +17,33 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Fewest discs: two numbers are fitted to them in each pixel.
+/// Minimum number of discs, since two parameters are fitted per pixel.
 const FEWEST: usize = 4;
-/// Part of the light that a model of it may be wrong by; and of an order's that lands on a disc's edge, where half of it does.
+/// Relative model error of the light, and of an order that lands on a disc's edge and is half covered.
 const MODEL_ERROR: f64 = 0.01;
 const EDGE_ERROR: f64 = 0.1;
-/// Mean square residual up to which discs agree with a grating, and from which on they contradict it.
+/// Reduced χ² below which discs confirm a grating, and above which they contradict it.
 const AGREES: f64 = 3.0;
 const CONTRADICTS: f64 = 4.0;
-/// How much more χ² the other one of two gratings must leave: five standard deviations.
+/// Minimum χ² difference between two gratings for a decision: five standard deviations.
 const MARGIN: f64 = 25.0;
-/// The logistic function of this many standard deviations is the Gaussian's integral to 1 %.
+/// Scale factor at which the logistic function approximates the Gaussian integral to 1 %.
 const LOGISTIC: f64 = 1.702;
 
-/// What discs did.
+/// Effect of the discs.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Told {
-    /// Photographs of discs.
+    /// Number of photographs of discs.
     pub discs: usize,
-    /// Pixels whose two gratings they decided between.
+    /// Number of ambiguous pixels that they decided.
     pub decided: usize,
-    /// Pixels with a grating that they contradict, which are masked.
+    /// Number of pixels masked because discs contradict their grating.
     pub contradicted: usize,
-    /// Median mean square residual in σ over the pixels with a grating.
+    /// Median reduced χ² over the pixels with a grating.
     pub residual: Option<f64>,
 }
 
-/// Weighted sums of what a grating leaves over, for the fit of (room, ground).
+/// Weighted sums of a grating's residuals, for the fit of (room light, diffuse reflection).
 #[derive(Clone, Copy, Default)]
 struct Sums {
     normal: [f64; 3],
@@ -65,11 +65,11 @@ impl Sums {
         self.count += 1.0;
     }
 
-    /// χ² of what is left, and over its degrees of freedom.
+    /// χ² of the residuals, and reduced χ².
     fn left(&self) -> [f64; 2] {
         let [a, b, c] = self.normal;
         let right = Vector2::from(self.right);
-        // Discs that all look alike tell one number only.
+        // If all discs look alike, only one parameter is determined.
         let normal = Matrix2::new(a * (1.0 + 1e-9), b, b, c * (1.0 + 1e-9) + 1e-30);
         let explained = normal.try_inverse().map_or(0.0, |inverse| right.dot(&(inverse * right)));
         let left = (self.square - explained).max(0.0);
@@ -77,7 +77,7 @@ impl Sums {
     }
 }
 
-/// Discs that a session has photographs of, behind the analyser as the fringes are.
+/// Discs photographed behind the same analyser as the fringes.
 pub fn discs(frames: &LoadedFrames) -> Vec<(usize, Spot)> {
     let all = &frames.set.frames;
     let analyser = all.iter().find(|f| f.fringes.is_some()).map(|f| f.analyser_deg);
@@ -87,10 +87,10 @@ pub fn discs(frames: &LoadedFrames) -> Vec<(usize, Spot)> {
     all.iter().enumerate().filter_map(disc).collect()
 }
 
-/// Lets the discs decide and contradict; none where there are too few of them. Reads their photographs one after the other.
+/// Decides ambiguous pixels and masks contradicted ones; `None` with too few discs. Photographs are read one at a time.
 ///
 /// # Errors
-/// `Input` for frames that cannot be read; `Cancelled`.
+/// `Input` for unreadable frames; `Cancelled`.
 pub fn told(
     frames: &LoadedFrames,
     optics: &Optics,
@@ -135,7 +135,7 @@ pub fn told(
     Ok(Some(judge(found, &sums, discs.len())))
 }
 
-/// The grating of a pixel, or the two that fringes leave.
+/// The grating of a pixel, or its two ambiguous gratings.
 fn hypotheses(found: &Found, i: usize) -> [Option<Grating>; 2] {
     match (found.verdicts[i], found.rivals[i]) {
         (Verdict::Resolved, _) => [found.gratings[i], None],
@@ -173,8 +173,8 @@ fn judge(found: &mut Found, sums: &[[Sums; 2]], discs: usize) -> Told {
     told
 }
 
-/// Light of a disc that a grating sends to a pixel, as a part of white, and its variance: what the model may be wrong by, most of all where
-/// an order lands on a disc's edge.
+/// Predicted light of a disc by a grating at a pixel, relative to white, and its variance. The model error is largest
+/// where an order lands on a disc's edge.
 fn expected(optics: &Optics, place: &Place, grating: &Grating, disc: &Spot) -> [f64; 2] {
     let q = optics.wavelength_um / grating.period_um;
     let q = [q * grating.orientation.cos(), q * grating.orientation.sin()];
@@ -197,12 +197,12 @@ fn expected(optics: &Optics, place: &Place, grating: &Grating, disc: &Spot) -> [
     [sum, variance + (MODEL_ERROR * whole).powi(2)]
 }
 
-/// What a diffuse ground sees of a disc: its solid angle times the cosine at the sample.
+/// Projected solid angle of a disc at the sample.
 fn solid_angle(optics: &Optics, place: &Place, disc: &Spot) -> f64 {
     let [u, v] = optics.towards(place.point, disc.center_mm);
     let cosine = (1.0 - u * u - v * v).max(0.0).sqrt();
     let Some(landing) = optics.land(place.point, [u, v]) else { return 0.0 };
-    // The slope's determinant is the area per projected solid angle.
+    // The determinant of the slope is the area per projected solid angle.
     let [[a, b], [c, d]] = landing.slope;
     let area = std::f64::consts::PI * (0.5 * disc.diameter_mm).powi(2);
     if cosine > 0.0 { area / (a * d - b * c).abs().max(1e-9) } else { 0.0 }
@@ -226,7 +226,8 @@ mod tests {
         }
     }
 
-    /// A grid of discs, room light and a diffuse ground: of two gratings the one that is there is taken, and a wrong one is masked.
+    /// A grid of discs with room light and diffuse reflection: the correct one of two gratings is selected, and a wrong
+    /// one is masked.
     #[test]
     fn discs_decide_and_contradict() {
         let optics = facing();
@@ -255,7 +256,7 @@ mod tests {
         assert!((found.gratings[0].unwrap().period_um - 1.9).abs() < 1e-12);
     }
 
-    /// The projected solid angle of a small disc against area · cos θ · cos θ / r².
+    /// Projected solid angle of a small disc, compared with area · cos θ · cos θ / r².
     #[test]
     fn a_ground_sees_the_projected_solid_angle() {
         let optics = facing();

@@ -1,4 +1,4 @@
-//! Where camera, panel and sample stand, from what the user and the photographs say.
+//! Geometry of camera, panel and sample, from options and photographs.
 
 use super::optics::Optics;
 use super::settings::Settings;
@@ -6,23 +6,23 @@ use nacre_base::{Error, Result};
 use nacre_frames::LoadedFrames;
 use nacre_optics::geometry::{Camera, Geometry, Panel, Pose};
 
-/// Geometry as the reconstruction needs it.
+/// Geometry for the reconstruction.
 pub struct Bench {
     /// Camera and panel.
     pub optics: Optics,
-    /// From pixels to the sample.
+    /// Mapping from pixels to the sample.
     pub geometry: Geometry,
-    /// Standard deviation of the wavelength in nm, where known.
+    /// Standard deviation of the wavelength in nm, if known.
     pub wavelength_sigma_nm: Option<f64>,
-    /// What is taken for granted.
+    /// Unverified assumptions.
     pub assumptions: Vec<String>,
 }
 
 impl Bench {
-    /// From settings, a geometry file and `frames.json`, in this order.
+    /// From options, a geometry file and `frames.json`, in this order.
     ///
     /// # Errors
-    /// `Input` for what is missing or cannot be.
+    /// `Input` for missing or invalid values.
     pub fn new(frames: &LoadedFrames, settings: &Settings) -> Result<Self> {
         let set = &frames.set;
         let mut assumptions = Vec::new();

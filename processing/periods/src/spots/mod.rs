@@ -1,9 +1,10 @@
 //! Orientation and absolute period of gratings from fringes on a panel.
 //!
-//! The panel shows stripes that move; each pixel answers with the places of the panel that it sees: in the mirror direction and, a known angle
-//! to both sides of it, through the orders of its grating. A dozen frequencies tell these places apart, and with the exact geometry the
-//! grating's vector follows, in µm: no other light position is needed, and nothing is scanned. `solve.rs` has the model (an own method; the
-//! 2018 paper's section 4 uses one flash).
+//! The panel displays phase-shifted stripes. The response of each pixel reveals the panel positions that it sees: in
+//! the mirror direction and, at known angles on both sides of it, through its grating's orders. A dozen frequencies
+//! distinguish these positions. With the exact geometry, they determine the grating vector in µm. No other light
+//! position and no mechanical scan are needed. `solve.rs` describes the model, which is original (section 4 of the 2018
+//! paper uses one flash).
 
 mod answer;
 mod carriers;

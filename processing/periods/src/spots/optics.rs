@@ -1,57 +1,57 @@
-//! Where the orders of a grating land on the panel: exact geometry of camera, sample and panel.
+//! Exact geometry of camera, sample and panel: panel positions where diffraction orders land.
 
 use std::f64::consts::TAU;
 
-/// Where things stand, in sample coordinates: mm, origin in the middle of the sample, x right and y up as the camera sees it, z out of
-/// the surface.
+/// Positions in sample coordinates: mm, origin in the centre of the sample, x right and y up as seen by the camera, z
+/// along the outward normal.
 #[derive(Clone, Debug)]
 pub struct Optics {
-    /// Middle of the camera's entrance pupil.
+    /// Centre of the camera's entrance pupil.
     pub viewer_mm: [f64; 3],
-    /// Columns: the panel's x, y and normal (towards the sample's side) in sample coordinates.
+    /// Columns: x, y and normal of the panel (towards the sample) in sample coordinates.
     pub panel_axes: [[f64; 3]; 3],
-    /// Middle of the panel.
+    /// Centre of the panel.
     pub panel_mm: [f64; 3],
     /// Width and height of the panel in mm.
     pub panel_size_mm: [f64; 2],
     /// Effective wavelength in µm.
     pub wavelength_um: f64,
-    /// Standard deviation of the band over its middle.
+    /// Relative standard deviation of the spectral band.
     pub band: f64,
     /// Diameter of the camera's aperture in mm.
     pub aperture_mm: f64,
 }
 
-/// A pixel's place on the sample and the mirror direction there.
+/// Position of a pixel on the sample, and its mirror direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Point on the sample in mm.
     pub point: [f64; 3],
-    /// Sines of the mirror direction: minus the tangent part of the direction to the camera.
+    /// Sines of the mirror direction: the negative tangential part of the direction to the camera.
     pub mirror: [f64; 2],
-    /// Standard deviation of sines over the aperture: half its radius over the distance.
+    /// Standard deviation of the sines over the aperture: half its radius over the distance.
     pub spread: f64,
 }
 
-/// Where a direction meets the panel.
+/// Intersection of a direction with the panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Landing {
-    /// From the panel's middle, right and up, in mm.
+    /// Position in mm, to the right of and above the panel's centre.
     pub at: [f64; 2],
-    /// mm per sine: `[[dx/du, dx/dv], [dy/du, dy/dv]]`.
+    /// Derivative in mm per sine: `[[dx/du, dx/dv], [dy/du, dy/dv]]`.
     pub slope: [[f64; 2]; 2],
 }
 
 impl Optics {
-    /// A pixel that sees this point of the sample.
+    /// Pixel that sees this point of the sample.
     pub fn place(&self, point: [f64; 3]) -> Place {
         let to: [f64; 3] = std::array::from_fn(|i| self.viewer_mm[i] - point[i]);
         let distance = norm(to);
         Place { point, mirror: [-to[0] / distance, -to[1] / distance], spread: 0.25 * self.aperture_mm / distance }
     }
 
-    /// Where the direction with these sines, away from the surface, meets the panel's plane; none where there is no such direction or it
-    /// does not come near to the panel's front.
+    /// Intersection of a direction with these sines, away from the surface, with the panel's plane. `None` for
+    /// evanescent directions, and for those that do not approach the panel's front.
     pub fn land(&self, point: [f64; 3], [u, v]: [f64; 2]) -> Option<Landing> {
         let rest = 1.0 - u * u - v * v;
         if rest < 0.01 {
@@ -70,7 +70,7 @@ impl Optics {
             return None;
         }
         let at = [dot(ex, from) + reach * dot(ex, along), dot(ey, from) + reach * dot(ey, along)];
-        // The direction moves with its sines, and with it the distance to the plane.
+        // The direction depends on its sines, and so does the distance to the plane.
         let moved = |change: [f64; 3]| {
             let dreach = -reach * dot(ez, change) / speed;
             [reach * dot(ex, change) + dreach * dot(ex, along), reach * dot(ey, change) + dreach * dot(ey, along)]
@@ -79,12 +79,12 @@ impl Optics {
         Some(Landing { at, slope: [[du[0], dv[0]], [du[1], dv[1]]] })
     }
 
-    /// Whether a place is on the panel, at least `margin` mm from its edge.
+    /// True if a position is on the panel, at least `margin` mm from its edge.
     pub fn is_on(&self, at: [f64; 2], margin: f64) -> bool {
         (0..2).all(|i| at[i].abs() <= 0.5 * self.panel_size_mm[i] - margin)
     }
 
-    /// Sines of the direction from a point of the sample to a place on the panel.
+    /// Sines of the direction from a point of the sample to a panel position.
     pub fn towards(&self, point: [f64; 3], at: [f64; 2]) -> [f64; 2] {
         let [ex, ey, _] = self.panel_axes;
         let to: [f64; 3] = std::array::from_fn(|i| self.panel_mm[i] + at[0] * ex[i] + at[1] * ey[i] - point[i]);
@@ -92,23 +92,23 @@ impl Optics {
         [to[0] / distance, to[1] / distance]
     }
 
-    /// Part of a fringe's modulation that is left of order `m`: the aperture and the band spread it over the panel.
+    /// Remaining modulation of a fringe in order `m`: aperture and spectral band blur it over the panel.
     pub fn modulation(&self, carrier: [f64; 2], landing: &Landing, place: &Place, order: f64, q: [f64; 2]) -> f64 {
         let [[a, b], [c, d]] = landing.slope;
-        // The phase per sine.
+        // Phase per sine.
         let phase = [carrier[0] * a + carrier[1] * c, carrier[0] * b + carrier[1] * d];
         let band = self.band * order * (phase[0] * q[0] + phase[1] * q[1]);
-        // Across the line of sight sines move as the aperture does, along it by its cosine squared.
+        // Sines vary with the aperture across the line of sight, and by the squared cosine along it.
         let [u, v] = place.mirror;
         let along = u * phase[0] + v * phase[1];
         let seen = [phase[0] - u * along, phase[1] - v * along];
-        // A disc of radius 2·spread: 2 J1(x)/x, to fourth order in the exponent.
+        // Transfer function 2 J1(x)/x of a disc with radius 2·spread, accurate to fourth order in the exponent.
         let x2 = 4.0 * place.spread * place.spread * (seen[0] * seen[0] + seen[1] * seen[1]);
         (-x2 / 8.0 - x2 * x2 / 384.0 - 0.5 * band * band).exp()
     }
 }
 
-/// Angular frequency in rad/mm of a frequency in cycles per mm.
+/// Angular frequency in rad/mm from cycles per mm.
 pub fn carrier(cycles_per_mm: [f64; 2]) -> [f64; 2] {
     cycles_per_mm.map(|f| TAU * f)
 }
@@ -125,7 +125,7 @@ fn norm(a: [f64; 3]) -> f64 {
 pub(super) mod tests {
     use super::*;
 
-    /// A panel and a camera that stand beside each other, above the sample.
+    /// Panel and camera side by side above the sample.
     pub(crate) fn facing() -> Optics {
         Optics {
             viewer_mm: [-50.0, 0.0, 250.0],
@@ -138,7 +138,8 @@ pub(super) mod tests {
         }
     }
 
-    /// The mirror point of the sample's middle is the panel's middle; 1.66 µm at 530 nm sits 18.6° off a mirror direction along the normal.
+    /// The mirror point of the sample's centre is the panel's centre; for a mirror direction along the normal, 1.66 µm
+    /// at 530 nm diffracts to 18.6°.
     #[test]
     fn orders_land_where_the_grating_equation_says() {
         let optics = facing();
@@ -169,7 +170,7 @@ pub(super) mod tests {
         }
     }
 
-    /// The blur of the aperture against a sum over it.
+    /// Blur by the aperture, compared with a numerical integral.
     #[test]
     fn the_aperture_takes_modulation_away() {
         let optics = facing();

@@ -5,7 +5,7 @@ use super::scan::Found;
 use nacre_base::Result;
 use nacre_image::{Attribute, OutputFolder, Palette, orientation_picture, scalar_picture, write_exr};
 
-/// What is written.
+/// Contents of the output.
 pub(super) struct Output<'a> {
     pub found: &'a Found,
     pub width: usize,
@@ -14,19 +14,19 @@ pub(super) struct Output<'a> {
     pub pixel_um: Option<f64>,
     pub palette: Palette,
     pub scale_bar: bool,
-    /// σ of all periods together over the period: wavelength and distances.
+    /// Relative σ common to all periods, from wavelength and distances.
     pub scale_sigma: f64,
-    /// σ that all orientations share, in rad.
+    /// Standard deviation common to all orientations, in rad.
     pub turn_sigma: f64,
 }
 
 impl Output<'_> {
-    /// The grating of a pixel, if it is to be shown.
+    /// Grating of a pixel, unless masked.
     fn at(&self, i: usize) -> Option<&Grating> {
         self.found.gratings[i].as_ref().filter(|_| self.found.verdicts[i] == Verdict::Resolved)
     }
 
-    /// Period and its σ, common errors included.
+    /// Period and its σ, including common errors.
     pub(super) fn period(&self, i: usize) -> Option<[f64; 2]> {
         self.at(i).map(|g| [g.period_um, g.period_sigma_um.hypot(self.scale_sigma * g.period_um)])
     }
@@ -80,7 +80,7 @@ impl Output<'_> {
         folder.sync(name)
     }
 
-    /// The range that all but the outermost hundredths of the periods fill.
+    /// Range of the periods without the lowest and highest percent.
     fn range(&self) -> [f32; 2] {
         let mut known: Vec<f32> =
             (0..self.found.gratings.len()).filter_map(|i| self.at(i)).map(|g| g.period_um as f32).collect();

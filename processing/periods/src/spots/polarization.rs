@@ -1,7 +1,8 @@
-//! Orientations of `reconstruct polarization` as a second opinion.
+//! Verification by orientations from `reconstruct polarization`.
 //!
-//! Polarization knows the orientation up to an offset that no session of it can tell; fringes know it absolutely, but not in every pixel. Where
-//! both do, the offset follows; where fringes leave two gratings, the one that polarization agrees with is taken.
+//! Polarization yields orientations up to an unknown offset; fringes yield absolute orientations, but not at every
+//! pixel. Pixels with both determine the offset. Of two ambiguous gratings, the one consistent with polarization is
+//! selected.
 
 use super::answer::Verdict;
 use super::scan::Found;
@@ -13,22 +14,22 @@ use serde::Serialize;
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// What a map of polarization did.
+/// Effect of a polarization map.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Helped {
-    /// To be added to its orientations, in degrees; it depends on the period where periods are mixed.
+    /// Offset to add to its orientations, in degrees; varies with the period if periods are mixed.
     pub offset_deg: f64,
-    /// Median distance from that over the pixels that both know, in degrees.
+    /// Median absolute deviation from the offset in degrees, over pixels with both.
     pub spread_deg: f64,
-    /// Pixels that both know.
+    /// Number of pixels with both.
     pub shared: usize,
-    /// Pixels in which the two contradict each other by more than ten of their σ and 5°, which are masked.
+    /// Number of masked pixels, where both differ by more than ten combined σ and 5°.
     pub contradicted: usize,
-    /// Pixels whose two gratings it decided between.
+    /// Number of ambiguous pixels that it decided.
     pub decided: usize,
 }
 
-/// Orientation and σ of each pixel in rad, NaN where masked.
+/// Orientation and σ of each pixel in rad; NaN where masked.
 pub struct Orientations {
     turn: Vec<f32>,
     sigma: Vec<f32>,
@@ -38,7 +39,7 @@ impl Orientations {
     /// Reads `orientation.exr` of a result folder.
     ///
     /// # Errors
-    /// `Input` when there is none of this size.
+    /// `Input` without a map of this size.
     pub fn read(folder: &Path, width: usize, height: usize) -> Result<Self> {
         let path = folder.join("orientation.exr");
         let mut map = read_exr(&path)?;
@@ -51,7 +52,7 @@ impl Orientations {
         Ok(Self { turn, sigma })
     }
 
-    /// Finds the offset, decides between gratings, and masks what contradicts.
+    /// Determines the offset, decides ambiguous pixels, and masks contradicted ones.
     pub fn help(&self, found: &mut Found) -> Option<Helped> {
         let apart = |i: usize, orientation: f64| {
             let turn = f64::from(self.turn[i]);
@@ -62,7 +63,7 @@ impl Orientations {
             .filter(known)
             .filter_map(|i| found.gratings[i].and_then(|g| apart(i, g.orientation)))
             .collect();
-        // Mean of lines, then the median about it.
+        // Circular mean of doubled angles, then the median about it.
         let (sin, cos) = offsets.iter().fold((0.0, 0.0), |(s, c), o| (s + (2.0 * o).sin(), c + (2.0 * o).cos()));
         let about = 0.5 * f64::atan2(sin, cos);
         let middle = about + median(offsets.iter().map(|o| fold(o - about)).collect::<Vec<_>>())?;
@@ -104,7 +105,7 @@ impl Orientations {
     }
 }
 
-/// A difference of lines, from -π/2 to π/2.
+/// Difference of undirected angles, from -π/2 to π/2.
 fn fold(angle: f64) -> f64 {
     (angle + 0.5 * PI).rem_euclid(PI) - 0.5 * PI
 }
@@ -127,7 +128,8 @@ mod tests {
         }
     }
 
-    /// The offset is found across the seam at 180°, the rival that fits is taken, and what contradicts is masked.
+    /// The offset is found across the wrap at 180°, the consistent rival is selected, and contradicted pixels are
+    /// masked.
     #[test]
     fn a_second_opinion_decides_and_contradicts() {
         let (offset, count) = (170.0, 50);

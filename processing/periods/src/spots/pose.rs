@@ -1,17 +1,18 @@
-//! What an uncertain geometry does to periods and orientations: they share it, and no residual tells.
+//! Common errors of periods and orientations from an uncertain geometry, which residuals do not reveal.
 
 use super::optics::Optics;
 use nacre_optics::geometry::{Pose, Uncertainty};
 use std::f64::consts::PI;
 
-/// Directions of grating vectors that are looked at.
+/// Number of directions of grating vectors in the average.
 const DIRECTIONS: usize = 12;
 
-/// Standard deviation of periods, over themselves, and of orientations, in rad, by the geometry: mean square over directions of the grating
-/// vector in reach, for gratings of this period in the sample's middle. None where nothing is known of the geometry's σ.
+/// Relative standard deviation of periods, and standard deviation of orientations in rad, due to the geometry. Root
+/// mean square over reachable directions of the grating vector, for gratings of this period in the sample's centre.
+/// `None` if the uncertainty of the geometry is unknown.
 ///
-/// To first order, each number of the geometry apart. Where both first orders are on the panel their difference counts, as in the fit, so that
-/// what moves the mirror direction alone does no harm.
+/// First-order propagation of each parameter separately. If both first orders are on the panel, their difference
+/// counts, as in the fit, so that errors of the mirror direction alone cancel.
 pub fn of_geometry(optics: &Optics, sigma: &Uncertainty, period_um: f64) -> Option<[f64; 2]> {
     let moved = perturbed(optics, sigma);
     if moved.is_empty() {
@@ -34,7 +35,7 @@ pub fn of_geometry(optics: &Optics, sigma: &Uncertainty, period_um: f64) -> Opti
     (count > 0.0).then(|| squares.map(|s| (s / count).sqrt()))
 }
 
-/// Where the first orders of a grating vector land, the one against it second.
+/// Panel positions of the first orders; that of the opposite grating vector comes second.
 fn orders(optics: &Optics, [u, v]: [f64; 2]) -> Option<[Option<[f64; 2]>; 2]> {
     let place = optics.place([0.0; 3]);
     let lands = |sign: f64| {
@@ -45,7 +46,7 @@ fn orders(optics: &Optics, [u, v]: [f64; 2]) -> Option<[Option<[f64; 2]>; 2]> {
     both.iter().any(Option::is_some).then_some(both)
 }
 
-/// The grating vector that another geometry makes of these orders.
+/// Grating vector that another geometry derives from these orders.
 fn vector(optics: &Optics, seen: &[Option<[f64; 2]>; 2]) -> Option<[f64; 2]> {
     let place = optics.place([0.0; 3]);
     let sines = |at: [f64; 2]| optics.towards(place.point, at);
@@ -58,7 +59,7 @@ fn vector(optics: &Optics, seen: &[Option<[f64; 2]>; 2]) -> Option<[f64; 2]> {
     }
 }
 
-/// The geometry with one number after the other off by its σ.
+/// Geometries with one parameter at a time displaced by its σ.
 fn perturbed(optics: &Optics, sigma: &Uncertainty) -> Vec<Optics> {
     let unit = |k: usize, by: f64| std::array::from_fn::<f64, 3, _>(|i| if i == k { by } else { 0.0 });
     let added = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + b[i]);
@@ -72,7 +73,7 @@ fn perturbed(optics: &Optics, sigma: &Uncertainty) -> Vec<Optics> {
             let pose = turned(k, deg[k]);
             all.push(Optics { panel_axes: optics.panel_axes.map(|axis| pose.turn(axis)), ..optics.clone() });
         }
-        // The sample's place and turn are told by the camera: it is the camera that moves, seen from the sample.
+        // The camera defines position and rotation of the sample; in sample coordinates, the camera moves.
         if let Some(mm) = sigma.sample_mm {
             all.push(Optics { viewer_mm: added(optics.viewer_mm, unit(k, mm[k])), ..optics.clone() });
         }
@@ -94,20 +95,20 @@ mod tests {
         let optics = Optics { viewer_mm: [0.0, 0.0, 250.0], panel_mm: [0.0, 0.0, 250.0], ..facing() };
         let sigma = Uncertainty { panel_mm: Some([0.0, 0.0, 2.5]), ..Uncertainty::default() };
         let [period, turn] = of_geometry(&optics, &sigma, 3.0).unwrap();
-        // 1 % of the distance moves the sine by its cosine squared of that.
+        // 1 % of distance changes the sine by the squared cosine times 1 %.
         let sine = optics.wavelength_um / 3.0;
         let wanted = 0.01 * (1.0 - sine * sine);
         assert!((period / wanted - 1.0).abs() < 0.02 && turn < 1e-9, "{period} {wanted} {turn}");
-        // Turned about its normal, the panel turns orientations by as much.
+        // Rotation of the panel about its normal rotates orientations by the same angle.
         let sigma = Uncertainty { panel_turn_deg: Some([0.0, 0.0, 0.3]), ..Uncertainty::default() };
         let [period, turn] = of_geometry(&optics, &sigma, 3.0).unwrap();
         assert!((turn.to_degrees() - 0.3).abs() < 1e-3 && period < 1e-4, "{period} {turn}");
-        // Moved sideways it moves both orders alike; what is left is of second order.
+        // A lateral displacement moves both orders equally; the remaining effect is of second order.
         let sigma = Uncertainty { panel_mm: Some([1.0, 0.0, 0.0]), ..Uncertainty::default() };
         let [period, turn] = of_geometry(&optics, &sigma, 3.0).unwrap();
         assert!(period < 1e-4 && turn < 1e-4, "{period} {turn}");
         assert!(of_geometry(&optics, &Uncertainty::default(), 3.0).is_none());
-        // Nothing in reach.
+        // No order is within reach.
         assert!(of_geometry(&optics, &sigma, 0.3).is_none());
     }
 }

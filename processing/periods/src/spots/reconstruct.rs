@@ -1,4 +1,4 @@
-//! The whole job: a session of fringes to maps, pictures and a report in a new folder.
+//! Fringe reconstruction: maps, pictures and a report in a new folder.
 
 use super::answer::{Demands, Verdict};
 use super::discs;
@@ -23,7 +23,7 @@ use nacre_image::budget;
 use std::path::Path;
 use std::time::Instant;
 
-/// Refuses what [`reconstruct`] would refuse, without reading a pixel.
+/// Validates the input of [`reconstruct`] without reading pixels, and predicts the work.
 ///
 /// # Errors
 /// As [`reconstruct`].
@@ -40,18 +40,18 @@ fn work(frames: &LoadedFrames, fringes: usize) -> Result<Work> {
     budget::Operation::Fringes(fringes).check(&frames.file(&first.file), frames.info)
 }
 
-/// Makes maps of orientation and period of `input` (a session of fringes) in the new folder `out`.
+/// Reconstructs maps of orientation and period from `input` (a session of fringes) in the new folder `out`.
 ///
 /// # Errors
-/// `Input` for anything about the photographs, the geometry or the settings, before anything is written; `Output` when writing fails,
-/// after which nothing is left behind; `Cancelled`.
+/// `Input` for invalid photographs, geometry or options, before anything is written. `Output` if writing fails; the
+/// partial folder is then removed. `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     perform(settings, input, out, false, progress)
 }
 
-/// Makes the maps in a folder.
+/// Reconstructs maps in a folder.
 ///
-/// Memory: 8 bytes per pixel and fringe, however many frames there are, and about 200 per pixel.
+/// Memory: 8 bytes per pixel and fringe, independent of the number of frames, and about 200 bytes per pixel.
 pub(super) fn solve_into(
     folder: &OutputFolder,
     input: &Path,
@@ -135,7 +135,8 @@ pub(super) fn solve_into(
     Ok(report)
 }
 
-/// Shortest period whose first order reaches the panel from the sample's middle, for grating vectors at 0, 15, … 165 degrees.
+/// Shortest period whose first order reaches the panel from the sample's centre, for grating vectors at 0, 15, … 165
+/// degrees.
 pub fn reachable(optics: &Optics) -> Vec<Option<f64>> {
     const LONGEST_UM: f64 = 20.0;
     let place = optics.place([0.0; 3]);
@@ -143,7 +144,7 @@ pub fn reachable(optics: &Optics) -> Vec<Option<f64>> {
         let q = optics.wavelength_um / period;
         [1.0, -1.0].into_iter().any(|sign| {
             let sines = [place.mirror[0] + sign * q * angle.cos(), place.mirror[1] + sign * q * angle.sin()];
-            // Half in is not enough.
+            // The whole aperture must be covered.
             let margin = 0.5 * optics.aperture_mm;
             optics.land(place.point, sines).is_some_and(|l| optics.is_on(l.at, margin))
         })
@@ -154,7 +155,8 @@ pub fn reachable(optics: &Optics) -> Vec<Option<f64>> {
             if !reaches(angle, LONGEST_UM) {
                 return None;
             }
-            // On the panel an order moves one way as its period shrinks, so the last one in reach is the shortest.
+            // The position of an order on the panel is monotonic in the period, so bisection finds the shortest period
+            // within reach.
             let (mut out, mut within) = (0.1, LONGEST_UM);
             while within - out > 1e-3 {
                 let tried = 0.5 * (out + within);
@@ -165,13 +167,14 @@ pub fn reachable(optics: &Optics) -> Vec<Option<f64>> {
         .collect()
 }
 
-/// What a pixel's answer must be, where the panel answers as it does.
+/// Requirements on responses, including the panel's nonlinearity.
 pub(super) fn demands(settings: &Settings, shown: &[Carrier], signals: &Signals) -> Demands {
     let usual = settings.demands();
     Demands { model_error: usual.model_error.hypot(0.3 * alias(shown, signals)), ..usual }
 }
 
-/// Harmonics that phases do not tell from the fringe itself, which are light in the wrong place, as a part of it.
+/// Ratio to the fundamental of the harmonics that alias with it, given the number of phases; they appear as light at a
+/// wrong position.
 fn alias(shown: &[Carrier], signals: &Signals) -> f64 {
     let phases = shown.iter().map(|c| c.frames.len()).min().unwrap_or(3) as u32;
     (signals.response.harmonic(phases - 1) / signals.response.harmonic(1)).abs()

@@ -1,4 +1,4 @@
-//! `report.json` of a spot scan.
+//! `report.json` of the fringe reconstruction.
 
 use super::response::Response;
 use nacre_base::operation::{Summary, lines};
@@ -7,92 +7,93 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Result of a spot scan, in words and numbers.
+/// Result of a fringe reconstruction.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "SpotsReport")]
 pub struct Report {
     /// Always `spots`.
     pub method: &'static str,
-    /// What the reader must know before trusting the result. Empty when there is nothing.
+    /// Limitations of the result; empty if none is known.
     pub warnings: Vec<String>,
-    /// What is taken for granted.
+    /// Unverified assumptions.
     pub assumptions: Vec<String>,
-    /// Colours of angles in pictures.
+    /// Colour map of angles in pictures.
     pub palette: Palette,
     /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Different fringes.
+    /// Number of different fringes.
     pub fringes: usize,
-    /// Frames of fringes and of even light that were used.
+    /// Number of frames with fringes or uniform light.
     pub patterns: usize,
     /// Effective wavelength in nm.
     pub wavelength_nm: f64,
-    /// Periods that were looked for, in µm.
+    /// Searched range of periods in µm.
     pub periods_um: [f64; 2],
-    /// Period below which no first order reaches the panel from the sample's middle, for grating vectors at 0, 15, … 165 degrees, in µm;
-    /// none where none ever does.
+    /// Shortest period in µm whose first order reaches the panel from the sample's centre, for grating vectors at 0,
+    /// 15, … 165 degrees; `None` where none does.
     pub shortest_um: Vec<Option<f64>>,
-    /// What became of the pixels.
+    /// Number of pixels by classification.
     pub pixels: Counts,
     /// Median σ of the orientation in degrees.
     pub orientation_sigma_deg: Option<f64>,
-    /// Median σ of the period over the period, common errors left out.
+    /// Median relative σ of the period, without common errors.
     pub period_sigma: Option<f64>,
-    /// σ that all periods have in common, over the period: wavelength and geometry.
+    /// Relative σ common to all periods, from wavelength and geometry.
     pub period_scale_sigma: f64,
-    /// σ that all orientations have in common, in degrees: geometry. Both are in the maps' σ.
+    /// Standard deviation common to all orientations, in degrees, from the geometry. The maps' σ include both common
+    /// errors.
     pub orientation_common_sigma_deg: f64,
-    /// Median over the pixels of how far the mirror direction is from where the geometry puts it, in degrees right and up: a wrong
-    /// geometry, or a tilted sample.
+    /// Median deviation of the mirror direction from that of the geometry, in degrees to the right and upwards.
+    /// Indicates a wrong geometry or a tilted sample.
     pub mirror_offset_deg: Option<[f64; 2]>,
-    /// Median mean square residual in σ.
+    /// Median reduced χ².
     pub residual: Option<f64>,
-    /// Diameter of the aperture that was found or given, in mm.
+    /// Estimated or given diameter of the aperture in mm.
     pub aperture_mm: f64,
-    /// How the panel answers.
+    /// Response of the panel.
     pub response: Response,
-    /// What photographs of discs did, where there are at least four.
+    /// Effect of disc photographs, if there are at least four.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub discs: Option<super::discs::Told>,
-    /// What the map of polarization did, where one was given.
+    /// Effect of the polarization map, if given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub polarization: Option<super::polarization::Helped>,
-    /// Seconds spent.
+    /// Computation times.
     pub seconds: Seconds,
 }
 
-/// Pixels by what became of them.
+/// Number of pixels by classification.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Counts {
-    /// Period and orientation are known.
+    /// Period and orientation are determined.
     pub resolved: usize,
-    /// Saturated, or no number.
+    /// Saturated, or not a number.
     pub unusable: usize,
     /// No light that follows the fringes.
     pub dark: usize,
-    /// Mirrored light only: first orders too weak, or out of reach.
+    /// Mirrored light only: first orders are too weak or out of reach.
     pub no_order: usize,
-    /// Light that no single grating explains.
+    /// No single grating explains the light.
     pub unexplained: usize,
-    /// Two gratings explain it.
+    /// Two gratings explain the light.
     pub ambiguous: usize,
 }
 
-/// What took how long.
+/// Computation times in seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 #[schemars(rename = "SpotsSeconds")]
 pub struct Seconds {
-    /// Reading and demodulating.
+    /// Reading and demodulation.
     pub read: f64,
-    /// Finding the aperture.
+    /// Estimation of the aperture.
     pub calibrate: f64,
-    /// Finding orders.
+    /// Identification of the orders.
     pub solve: f64,
     /// Writing.
     pub write: f64,
-    /// Everything.
+    /// Total.
     pub total: f64,
 }
 

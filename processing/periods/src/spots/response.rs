@@ -1,17 +1,17 @@
-//! How the panel's light follows what it is asked for.
+//! Nonlinearity of the panel: emitted light as a function of the requested light.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Light that the panel gives is what it is asked for to this power; its exponent was taken out wrongly where that is not 1.
+/// Power law of the panel's light. The exponent differs from 1 if the panel's gamma was not corrected exactly.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Response {
-    /// The power.
+    /// Exponent.
     pub power: f64,
-    /// Whether frames of even light told it, or it is assumed.
+    /// True if measured from frames of uniform light, otherwise assumed.
     pub measured: bool,
-    /// Largest part of white that the fitted power misses the even frames by.
+    /// Largest deviation of uniform frames from the power law, relative to white.
     pub misfit: f64,
 }
 
@@ -22,7 +22,8 @@ impl Default for Response {
 }
 
 impl Response {
-    /// From frames of even light: (phase in cycles, mean light). Light is (1 + cos 2π phase) / 2 of white.
+    /// From frames of uniform light: (phase in cycles, mean light). The requested light is (1 + cos 2π phase) / 2 of
+    /// white.
     pub fn from_even(frames: &[(f64, f64)]) -> Self {
         let asked = |phase: f64| 0.5 + 0.5 * (TAU * phase).cos();
         let Some(white) = frames.iter().filter(|f| asked(f.0) > 0.999).map(|f| f.1).reduce(f64::max) else {
@@ -36,7 +37,7 @@ impl Response {
         if levels.is_empty() {
             return Self::default();
         }
-        // Least squares of ln light = power · ln asked; brighter levels are surer.
+        // Least squares of ln light = power · ln requested; bright levels have more weight.
         let (mut above, mut below) = (0.0, 0.0);
         for (asked, light) in &levels {
             above += asked.ln() * light.ln() * light;
@@ -47,7 +48,7 @@ impl Response {
         Self { power, measured: true, misfit }
     }
 
-    /// Amplitude of harmonic `n` of fringes, where a perfect panel has 1 for the first: `4 <light cos nφ>`.
+    /// Amplitude of harmonic `n` of fringes: `4 <light cos nφ>`, which is 1 for n = 1 and a linear panel.
     pub fn harmonic(&self, n: u32) -> f64 {
         const STEPS: u32 = 4096;
         let term = |i: u32| {

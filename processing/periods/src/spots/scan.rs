@@ -1,4 +1,4 @@
-//! All pixels of a session.
+//! Solution of all pixels of a session.
 
 use super::answer::{Answer, Demands, Grating, Solution, Verdict};
 use super::carriers::Search;
@@ -9,21 +9,21 @@ use nacre_base::Result;
 use nacre_base::progress::Progress;
 use rayon::prelude::*;
 
-/// Pixels that are correlated at once.
+/// Number of pixels correlated together.
 const BLOCK: usize = 16;
-/// Pixels that tell the aperture.
+/// Number of pixels for the estimate of the aperture.
 const SAMPLED: usize = 400;
 
-/// Where pixels lie on the sample.
+/// Mapping from pixels to points on the sample.
 pub type Points<'a> = &'a (dyn Fn(usize, usize) -> Option<[f64; 3]> + Sync);
 
-/// What was found, row by row.
+/// Results, row by row.
 pub struct Found {
-    /// Each pixel's verdict.
+    /// Classification of each pixel.
     pub verdicts: Vec<Verdict>,
-    /// Gratings of those that have one.
+    /// Grating of each resolved pixel.
     pub gratings: Vec<Option<Grating>>,
-    /// Where two explain a pixel, both.
+    /// The two gratings of each ambiguous pixel.
     pub rivals: Vec<Option<[Grating; 2]>>,
 }
 
@@ -60,7 +60,7 @@ pub fn scan(
     Ok(found)
 }
 
-/// Solves some pixels.
+/// Solves a set of pixels.
 fn solved(solver: &Solver<'_>, signals: &Signals, points: Points<'_>, pixels: &[(usize, usize)]) -> Vec<Solution> {
     let parts = 2 * signals.carriers.len();
     let mut all = Vec::with_capacity(pixels.len());
@@ -91,12 +91,12 @@ fn solved(solver: &Solver<'_>, signals: &Signals, points: Points<'_>, pixels: &[
     all
 }
 
-/// The aperture that leaves the least over, in mm, from some of the pixels.
+/// Aperture in mm that minimises the residual of a sample of pixels.
 pub fn aperture(signals: &Signals, optics: &Optics, points: Points<'_>, demands: Demands) -> f64 {
     const TRIED: [f64; 9] = [0.5, 4.0, 7.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0];
     let count = signals.width * signals.height;
     let step = (count / SAMPLED).max(1);
-    // Not in columns of their own.
+    // Spread over rows and columns.
     let pixels: Vec<(usize, usize)> =
         (step / 2..count).step_by(step).map(|i| (i % signals.width, i / signals.width)).collect();
     let search = Search::new(optics, &signals.carriers);
@@ -106,14 +106,14 @@ pub fn aperture(signals: &Signals, optics: &Optics, points: Points<'_>, demands:
         let each: Vec<f64> = pixels
             .par_chunks(BLOCK)
             .flat_map(|block| solved(&solver, signals, points, block))
-            // What no aperture explains must not decide.
+            // Limits the influence of pixels that no aperture explains.
             .map(|(_, grating, _)| grating.map_or(30.0, |g| g.residual.min(30.0)))
             .collect();
         each.iter().sum::<f64>()
     };
     let sums = TRIED.map(left);
     let best = (0..TRIED.len()).min_by(|a, b| sums[*a].total_cmp(&sums[*b])).unwrap_or(0);
-    // Twice between the neighbours.
+    // Two refinements between neighbouring values.
     let (mut low, mut here, mut high) =
         (TRIED[best.saturating_sub(1)], (TRIED[best], sums[best]), TRIED[(best + 1).min(TRIED.len() - 1)]);
     for _ in 0..3 {

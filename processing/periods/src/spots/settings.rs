@@ -1,4 +1,4 @@
-//! What a user may say.
+//! Options of the fringe reconstruction.
 
 use super::answer::Demands;
 use super::reconstruct::{check_input, solve_into};
@@ -39,7 +39,8 @@ pub struct Settings {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-file" = true))]
     pub geometry: Option<Box<Geometry>>,
-    /// Effective wavelength of light, filter and camera together, in nm (default: that of the geometry or of frames.json).
+    /// Effective wavelength of light, filter and camera together, in nm (default: that of the geometry or of
+    /// frames.json).
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-aliases" = ["wavelength"]))]
     pub wavelength_nm: Option<f64>,
@@ -109,10 +110,10 @@ impl Operation for Settings {
 }
 
 impl Settings {
-    /// Checks every number.
+    /// Validates all numbers.
     ///
     /// # Errors
-    /// `Input`, naming the setting.
+    /// `Input`, naming the option.
     pub fn check(&self) -> Result<()> {
         let within = |name: &str, value: Option<f64>, low: f64, high: f64| match value {
             Some(v) if !(low..=high).contains(&v) => {
@@ -143,7 +144,7 @@ impl Settings {
         Ok(())
     }
 
-    /// What a pixel's answer must be.
+    /// Requirements on a pixel's response.
     pub fn demands(&self) -> Demands {
         let mirror_sigma = self.mirror_deg.to_radians();
         Demands { periods_um: self.periods_um, mirror_sigma, ..Demands::default() }

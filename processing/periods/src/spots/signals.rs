@@ -1,4 +1,5 @@
-//! From photographs of fringes to each pixel's answers, frame by frame: memory does not grow with the number of frames.
+//! Demodulation of photographs of fringes to responses of each pixel, frame by frame, so that memory is independent of
+//! the number of frames.
 
 use super::optics::carrier;
 use super::response::Response;
@@ -11,18 +12,18 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Frames that show the same fringes at several phases.
+/// Frames with the same fringe at several phases.
 #[derive(Clone, Debug)]
 pub struct Carrier {
     /// Spatial frequency in cycles per mm.
     pub cycles_per_mm: [f64; 2],
-    /// Frames of it, with the factors of (mean, real part, imaginary part).
+    /// Indices of its frames, with their factors for (mean, real part, imaginary part).
     pub frames: Vec<(usize, [f64; 3])>,
-    /// Variance of a component over that of a frame.
+    /// Variance of a component relative to that of a frame.
     pub variance: f64,
 }
 
-/// What the pixels answer.
+/// Responses of all pixels.
 pub struct Signals {
     /// Pixels per row.
     pub width: usize,
@@ -32,13 +33,13 @@ pub struct Signals {
     pub carriers: Vec<[f64; 2]>,
     /// Pixel by pixel: real and imaginary part for each fringe.
     pub components: Vec<f32>,
-    /// Mean light of each pixel over all fringes, as a part of white.
+    /// Mean light of each pixel over all fringes, relative to white.
     pub mean: Vec<f32>,
-    /// 1 where a pixel is saturated or no number in any frame.
+    /// 1 where a pixel is saturated or not a number in any frame.
     pub bad: Vec<u8>,
-    /// Standard deviation of a component at this mean light: √(shot · mean + floor).
+    /// Noise of a component: standard deviation √(shot · mean + floor) at mean light.
     pub noise: [f64; 2],
-    /// How the panel answers.
+    /// Response of the panel.
     pub response: Response,
 }
 
@@ -47,20 +48,20 @@ pub struct Signals {
 pub struct Sampled {
     light: Vec<f32>,
     bad: Vec<u8>,
-    /// Over all pixels, or over these.
+    /// Mean over all pixels, or over the sample.
     mean: f64,
 }
 
 /// Frames of one frequency, with their phases.
 type Group = ([f64; 2], Vec<(usize, f64)>);
 
-/// Least phases of one fringe.
+/// Minimum number of phases per fringe.
 const PHASES: usize = 3;
 
-/// Sorts frames by their fringes. Frames without fringes are left out.
+/// Groups frames by fringe; frames without fringes are omitted.
 ///
 /// # Errors
-/// `Input` when there are too few phases of one, or too few or too many of them.
+/// `Input` for too few phases of a fringe, and for too few or too many fringes.
 pub fn carriers(frames: &LoadedFrames, most: usize) -> Result<Vec<Carrier>> {
     let mut groups: Vec<Group> = Vec::new();
     let fringed = || frames.set.frames.iter().filter(|f| f.fringes.is_some());
@@ -103,7 +104,8 @@ pub fn carriers(frames: &LoadedFrames, most: usize) -> Result<Vec<Carrier>> {
         let Some(inverse) = normal.try_inverse() else {
             return bad(format!("phases of fringes ({fx}, {fy}) are alike"), "spread them over a cycle");
         };
-        // A pixel that sees one place x of the panel has I = (1 + cos(k·x + φ)) / 2 = a + b cos φ + c sin φ: b - ic = e^(ik·x) / 2.
+        // A pixel that sees one position x of the panel has I = (1 + cos(k·x + φ)) / 2 = a + b cos φ + c sin φ: b - ic
+        // = e^(ik·x) / 2.
         let factors = |row: &Vector3<f64>| {
             let solved = inverse * row;
             [solved[0], 2.0 * solved[1], -2.0 * solved[2]]
@@ -116,10 +118,10 @@ pub fn carriers(frames: &LoadedFrames, most: usize) -> Result<Vec<Carrier>> {
 }
 
 impl Signals {
-    /// Reads all frames once.
+    /// Reads each frame once.
     ///
     /// # Errors
-    /// `Input` for frames that cannot be read; `Cancelled`.
+    /// `Input` for unreadable frames; `Cancelled`.
     pub fn read(frames: &LoadedFrames, carriers: &[Carrier], progress: &dyn Progress) -> Result<Self> {
         let (width, height) = (frames.info.width, frames.info.height);
         let linearizer = Linearizer::new(frames)?;
@@ -150,7 +152,7 @@ impl Signals {
         Ok(new)
     }
 
-    /// The same of frames of which a sample of `width` × `height` pixels was kept, one for each frame of the set.
+    /// Demodulates stored samples of `width` × `height` pixels, one per frame of the set.
     pub fn of_samples(
         frames: &LoadedFrames,
         linearizer: &Linearizer,
@@ -190,12 +192,12 @@ impl Signals {
         }
     }
 
-    /// Adds frame `i`, whose rows `read` gives: light, and 1 where it is no number.
+    /// Adds frame `i`. `read` returns a row's light, and 1 where it is not a number.
     fn add(&mut self, carriers: &[Carrier], i: usize, unit: f64, read: impl Fn(usize, &mut [f32], &mut [u8]) + Sync) {
         let (width, parts) = (self.width, 2 * carriers.len());
         for (j, shared) in carriers.iter().enumerate() {
             let Some((_, factors)) = shared.frames.iter().find(|f| f.0 == i) else { continue };
-            // Light per pixel relative to the first frame's exposure and gain.
+            // Light of a pixel relative to the first frame's exposure and gain.
             let factors = factors.map(|f| (f / unit) as f32);
             let share = factors[0] / carriers.len() as f32;
             let rows = self.components.par_chunks_mut(width * parts).zip(self.mean.par_chunks_mut(width));
@@ -218,7 +220,7 @@ impl Signals {
 }
 
 impl Sampled {
-    /// Every `every`-th pixel of a frame of this size, both ways, from the middle of the first such square on.
+    /// Samples every `every`-th pixel along both axes, from the centre of the first square on.
     pub fn of(decoded: &LinearFrame<'_>, [width, height]: [usize; 2], every: usize) -> Self {
         let [columns, rows] = sampled_size([width, height], every);
         let (mut light, mut bad) = (vec![0.0; columns * rows], vec![0; columns * rows]);
@@ -230,7 +232,7 @@ impl Sampled {
     }
 }
 
-/// How many pixels a sample of a picture has along a row and a column.
+/// Width and height of a sample.
 pub fn sampled_size(size: [usize; 2], every: usize) -> [usize; 2] {
     size.map(|side| (side - every / 2).div_ceil(every))
 }
@@ -245,19 +247,19 @@ fn mean_light(decoded: &LinearFrame<'_>, width: usize, height: usize) -> f64 {
     sum_in_order((0..height).into_par_iter().map(row)) / (width * height) as f64
 }
 
-/// Variance of a frame's light per light, and without light, as a part of white.
+/// Variance of a frame's light per light, and at zero light, relative to white.
 pub fn frame_noise(frames: &LoadedFrames, linearizer: &Linearizer) -> [f64; 2] {
     let first = frames.set.frames.first();
-    // A small sensor where nothing is known, so that σ errs to the large side.
+    // Noise model of a small sensor if none is known, so that σ is rather overestimated.
     let assumed = NoiseModel { full_scale_e: 5000.0, read_noise_e: 10.0 };
     let model = frames.set.noise.unwrap_or(assumed);
     let frame = model.frame(first.and_then(|f| f.gain).unwrap_or(1.0), 1.0, linearizer.step());
     [frame.shot, frame.floor]
 }
 
-/// Variance of a component per mean light, and without light.
+/// Variance of a component per mean light, and at zero light.
 fn noise(frames: &LoadedFrames, carriers: &[Carrier], linearizer: &Linearizer) -> [f64; 2] {
     let variance = carriers.iter().map(|c| c.variance).sum::<f64>() / carriers.len().max(1) as f64;
-    // The frame that is subtracted has the floor's variance too, but it is the same for all phases, so that it drops out.
+    // The subtracted dark frame has the floor's variance too, but it is equal for all phases and cancels.
     frame_noise(frames, linearizer).map(|v| variance * v)
 }

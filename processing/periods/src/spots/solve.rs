@@ -1,8 +1,9 @@
-//! One pixel: from what it answers to fringes to its grating.
+//! Solution of one pixel: the grating from its response to fringes.
 //!
-//! Light that comes from places X_m of the panel with weights w_m answers fringes of angular frequency k with `Σ w_m e^{i k · X_m}`. A
-//! grating's orders lie where the sines of the mirror direction plus `m·q` point, q = λ/period along the grating vector, so that two numbers
-//! place all of them; weights are linear, and positive.
+//! Light from panel positions X_m with weights w_m has the response `Σ w_m e^{i k · X_m}` to fringes of angular
+//! frequency k. The orders of a grating leave in directions whose sines are those of the mirror direction plus `m·q`,
+//! with |q| = λ/period along the grating vector. The two components of q thus determine all positions; weights are
+//! linear and non-negative.
 
 use super::answer::{Answer, Demands, Grating, Solution, Verdict};
 use super::carriers::Search;
@@ -12,46 +13,46 @@ use nalgebra::{SMatrix, SVector};
 
 /// Highest order.
 const ORDERS: i32 = 3;
-/// Most orders, the mirrored light included.
+/// Number of orders, including the mirrored light.
 const TERMS: usize = 2 * ORDERS as usize + 1;
-/// Unknowns: the mirror point's sines, q, and weights.
+/// Unknowns: sines of the mirror direction, q, and weights.
 const UNKNOWNS: usize = 4 + TERMS;
-/// Most fringes.
+/// Maximum number of fringes.
 pub const MAX_CARRIERS: usize = 31;
-/// Steps of refinement of each candidate and of the best.
+/// Iterations of refinement for each candidate, and for the best ones.
 const QUICK_STEPS: usize = 2;
 const STEPS: usize = 10;
-/// Damping of the refinement.
+/// Levenberg-Marquardt damping.
 const DAMPING: Damping = Damping { first: 1e-3, down: 0.2, least: 1e-9, up: 20.0, most: f64::INFINITY };
-/// Refinement ends when χ² falls by less: a hundredth of one standard deviation.
+/// Decrease of χ² below which refinement has converged: 1 % of one standard deviation.
 const CONVERGED: f64 = 0.01;
-/// Largest change of the mirror offset and of q in one step.
+/// Maximum change of the mirror offset and of q per iteration.
 const LARGEST_STEPS: [f64; 2] = [0.01, 0.02];
-/// Hypotheses that are refined at first, and in the end.
+/// Number of hypotheses refined initially and finally.
 const REFINED: usize = 4;
 const KEPT: usize = 2;
-/// Places of the panel that are tried.
+/// Number of panel positions tried.
 const CANDIDATES: usize = 8;
-/// Two candidates are one when their q differ by less than this.
+/// Difference of q below which two candidates are identical.
 const SAME: f64 = 0.006;
 
-/// Solves pixels.
+/// Solver for single pixels.
 pub struct Solver<'a> {
-    /// Where things stand.
+    /// Geometry.
     pub optics: &'a Optics,
     /// Angular frequencies in rad/mm.
     pub carriers: &'a [[f64; 2]],
-    /// Places that are tried.
+    /// Panel positions to search.
     pub search: &'a Search,
-    /// What is asked.
+    /// Requirements on the result.
     pub demands: Demands,
 }
 
-/// What a hypothesis makes of fringes.
+/// Predicted response of a hypothesis.
 struct Model {
-    /// Where each order lands; none where it misses the panel.
+    /// Panel position of each order; `None` if it misses the panel.
     landings: [Option<Landing>; TERMS],
-    /// For each fringe, what an order of weight 1 answers.
+    /// Response of an order with weight 1, for each fringe.
     waves: [[[f64; 2]; TERMS]; MAX_CARRIERS],
 }
 
@@ -64,13 +65,13 @@ struct State {
     chi2: f64,
 }
 
-/// The normal equations of a hypothesis.
+/// Normal equations of a hypothesis.
 struct Normal {
     matrix: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
     right: SVector<f64, UNKNOWNS>,
 }
 
-/// The refinement of one pixel's hypothesis.
+/// Refinement of one hypothesis of a pixel.
 struct Refinement<'a> {
     solver: &'a Solver<'a>,
     place: &'a Place,
@@ -78,7 +79,7 @@ struct Refinement<'a> {
     sigma: f64,
 }
 
-/// A hypothesis that no grating can have, or whose normal equations have no solution.
+/// A hypothesis that no grating can satisfy, or with singular normal equations.
 struct Impossible;
 
 impl Problem for Refinement<'_> {
@@ -115,7 +116,8 @@ impl Problem for Refinement<'_> {
 }
 
 impl Solver<'_> {
-    /// The grating of a pixel; one that does not explain it comes with the verdict that says so. `response` are its answers correlated with the places that are tried, without the mirrored light.
+    /// Solves a pixel; a rejected grating is returned with its classification. `response` is the correlation of the
+    /// pixel's response, without mirrored light, with the searched positions.
     pub fn solve(&self, place: &Place, answer: &Answer, response: &[f32]) -> Solution {
         let sigma = answer.sigma.hypot(self.demands.model_error * answer.mean * 2.0);
         let power: f64 = answer.components.iter().map(|v| f64::from(*v).powi(2)).sum();
@@ -128,7 +130,7 @@ impl Solver<'_> {
             let towards = self.optics.towards(place.point, at);
             let q = upper([towards[0] - place.mirror[0], towards[1] - place.mirror[1]]);
             let mut state = State { offset: [0.0; 2], q, weights: [0.0; TERMS], chi2: f64::INFINITY };
-            // Both first orders of one grating are one hypothesis.
+            // Both first orders of a grating form one hypothesis.
             let is_new = tried.iter().all(|other| distance(other.q, q) > SAME);
             if is_new
                 && self.is_possible(q)
@@ -144,7 +146,7 @@ impl Solver<'_> {
         self.judged(place, answer, sigma, &found)
     }
 
-    /// Answers without what the mirror direction alone explains of them.
+    /// Response without the mirrored light, fitted alone.
     pub fn without_mirror(&self, place: &Place, components: &[f32]) -> Vec<f32> {
         let Some(landing) = self.optics.land(place.point, place.mirror) else { return components.to_vec() };
         let wave: Vec<f32> = self
@@ -168,7 +170,7 @@ impl Solver<'_> {
             let terms = state.weights.iter().filter(|w| **w > 0.0).count() as f64;
             (answer.components.len() as f64 - 2.0 - terms).max(1.0)
         };
-        // Of several, the best few are worth the effort.
+        // Only the best candidates are refined further.
         let mut best: Vec<(State, f64)> = Vec::new();
         for state in found {
             if best.len() == KEPT {
@@ -185,7 +187,8 @@ impl Solver<'_> {
         }
         best.sort_by(|a, b| a.1.total_cmp(&b.1));
         let Some(least) = best.first().map(|b| b.1) else { return (Verdict::NoOrder, None, None) };
-        // Hypotheses without first orders are none; half of a true q, say, which takes the first orders for second ones.
+        // Hypotheses without first orders are rejected, such as half of the true q, which interprets first orders as
+        // second ones.
         let rate = |(state, residual): &(State, f64)| {
             self.grating(place, answer, sigma, state, *residual).map(|g| (g, *residual))
         };
@@ -201,7 +204,7 @@ impl Solver<'_> {
         }
     }
 
-    /// A hypothesis as a grating, if its first orders are bright enough.
+    /// Grating of a hypothesis, if its first orders are bright enough.
     fn grating(&self, place: &Place, answer: &Answer, sigma: f64, state: &State, residual: f64) -> Option<Grating> {
         let demands = &self.demands;
         let scaled = sigma * residual.max(1.0).sqrt();
@@ -239,14 +242,14 @@ impl Solver<'_> {
         (self.demands.periods_um[0]..=self.demands.periods_um[1]).contains(&period)
     }
 
-    /// Refines a hypothesis by Levenberg and Marquardt's method, weights kept positive.
+    /// Refines a hypothesis (Levenberg-Marquardt) with non-negative weights.
     fn refined(&self, place: &Place, answer: &Answer, sigma: f64, start: State, steps: usize) -> Option<State> {
         let refinement = Refinement { solver: self, place, answer, sigma };
         let start = (start, self.model(place, &start));
         levenberg_marquardt(&refinement, start, DAMPING, steps).ok().map(|(state, _)| state)
     }
 
-    /// Where the orders of a hypothesis land, and what they answer.
+    /// Panel positions of a hypothesis's orders, and their response.
     fn model(&self, place: &Place, state: &State) -> Model {
         let landings: [Option<Landing>; TERMS] = std::array::from_fn(|i| {
             let m = i as f64 - f64::from(ORDERS);
@@ -266,7 +269,7 @@ impl Solver<'_> {
         Model { landings, waves }
     }
 
-    /// The best weights of a hypothesis, none negative, and what is left over.
+    /// Optimal non-negative weights of a hypothesis; updates its residual.
     fn weigh(&self, model: &Model, answer: &Answer, sigma: f64, state: &mut State) -> Option<()> {
         let Model { landings, waves } = model;
         let (mut gram, mut right) = ([[0.0; TERMS]; TERMS], [0.0; TERMS]);
@@ -294,7 +297,7 @@ impl Solver<'_> {
         Some(())
     }
 
-    /// Normal equations of all unknowns; a weight of 0 stays.
+    /// Normal equations of all unknowns; zero weights are fixed.
     fn normal(&self, model: &Model, answer: &Answer, sigma: f64, state: &State) -> Normal {
         let Model { landings, waves } = model;
         let mut matrix = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
@@ -342,7 +345,7 @@ impl Solver<'_> {
             for b in 0..a {
                 matrix[(b, a)] = matrix[(a, b)];
             }
-            // Unknowns that nothing depends on.
+            // Fixes unknowns without influence.
             if matrix[(a, a)] == 0.0 {
                 matrix[(a, a)] = 1.0;
             }
@@ -350,7 +353,7 @@ impl Solver<'_> {
         Normal { matrix, right }
     }
 
-    /// Covariance of q (uu, uv, vv) and σ of the first orders' weight.
+    /// Covariance of q (uu, uv, vv), and σ of the first orders' weight.
     fn covariance(&self, place: &Place, answer: &Answer, sigma: f64, state: &State) -> Option<([f64; 3], f64)> {
         let inverse = self.normal(&self.model(place, state), answer, sigma, state).matrix.cholesky()?.inverse();
         let (plus, minus) = (4 + ORDERS as usize + 1, 4 + ORDERS as usize - 1);
@@ -367,13 +370,13 @@ fn upper([u, v]: [f64; 2]) -> [f64; 2] {
     if v < 0.0 || (v == 0.0 && u < 0.0) { [-u, -v] } else { [u, v] }
 }
 
-/// How far two q are from each other, of which each may as well be its opposite.
+/// Distance of two vectors q, irrespective of their signs.
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     let apart = |sign: f64| (a[0] - sign * b[0]).hypot(a[1] - sign * b[1]);
     apart(1.0).min(apart(-1.0))
 }
 
-/// Least squares with weights that are not negative: the most negative one is left out until there is none.
+/// Non-negative least squares: the most negative weight is removed until none is negative.
 fn positive(gram: &[[f64; TERMS]; TERMS], right: &[f64; TERMS], mut used: [bool; TERMS]) -> Option<[f64; TERMS]> {
     for _ in 0..TERMS {
         let mut matrix = SMatrix::<f64, TERMS, TERMS>::identity();
@@ -383,7 +386,7 @@ fn positive(gram: &[[f64; TERMS]; TERMS], right: &[f64; TERMS], mut used: [bool;
             for b in (0..TERMS).filter(|b| used[*b]) {
                 matrix[(a, b)] = if a > b { gram[a][b] } else { gram[b][a] };
             }
-            // Orders that lie on top of each other share their light.
+            // Regularisation: coincident orders share their light.
             matrix[(a, a)] *= 1.0 + 1e-6;
         }
         let weights = matrix.cholesky()?.solve(&vector);

@@ -1,5 +1,5 @@
-//! A scan that is under way, from a sample of its pixels: how many of them are still undecided, so that no more fringes are shown than it
-//! takes.
+//! Intermediate evaluation of a running capture from sampled pixels. Capture stops showing fringes once few pixels
+//! remain undecided.
 
 use super::answer::{Demands, Verdict};
 use super::input::Bench;
@@ -13,10 +13,10 @@ use nacre_base::Result;
 use nacre_base::progress::Silent;
 use nacre_frames::{Frame, Linearizer, LoadedFrames};
 
-/// Pixels that are looked at, about: one in a thousand counts.
+/// Approximate number of sampled pixels: one of them is 0.1 %.
 const PIXELS: usize = 1000;
 
-/// Photographs of fringes as they arrive. Memory: a thousand pixels of each.
+/// Sampled photographs of fringes, added as they arrive. Memory: a thousand pixels per frame.
 pub struct Survey {
     frames: LoadedFrames,
     bench: Bench,
@@ -27,27 +27,27 @@ pub struct Survey {
     aperture_mm: Option<f64>,
 }
 
-/// What is known so far of the pixels with first orders on the panel.
+/// Intermediate result over pixels with first orders on the panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decided {
-    /// Pixels of the sample that one or several gratings explain.
+    /// Sampled pixels explained by one or several gratings.
     pub carrying: usize,
-    /// Of these, such as several gratings explain, or whose period is less sure than wanted.
+    /// Those of them that are ambiguous, or whose period is less accurate than required.
     pub undecided: usize,
 }
 
 impl Decided {
-    /// Undecided ones over all; none where no pixel carries a grating.
+    /// Fraction of undecided pixels; `None` if no pixel has a grating.
     pub fn share(&self) -> Option<f64> {
         (self.carrying > 0).then(|| self.undecided as f64 / self.carrying as f64)
     }
 }
 
 impl Survey {
-    /// With frames that are to come; those of `frames` are not read.
+    /// Starts with the description of frames to come; no frame of `frames` is read.
     ///
     /// # Errors
-    /// `Input` for a geometry or settings that tell no period.
+    /// `Input` for a geometry or options that do not determine periods.
     pub fn begin(mut frames: LoadedFrames, settings: &Settings) -> Result<Self> {
         settings.check()?;
         frames.set.frames.clear();
@@ -66,15 +66,15 @@ impl Survey {
         })
     }
 
-    /// Frames taken in so far.
+    /// Number of frames added so far.
     pub fn added(&self) -> usize {
         self.samples.len()
     }
 
-    /// Takes in the next frame.
+    /// Adds the next frame.
     ///
     /// # Errors
-    /// `Input` when it cannot be read.
+    /// `Input` if it cannot be read.
     pub fn push(&mut self, frame: Frame) -> Result<()> {
         self.linearizer.learn(&self.frames, std::slice::from_ref(&frame))?;
         let decoded = self.linearizer.frame(&self.frames, &frame)?;
@@ -84,11 +84,11 @@ impl Survey {
         Ok(())
     }
 
-    /// What the first `frames` frames tell, where a period's σ is to be at most `period_sigma` of it. The aperture is found the first time,
-    /// so that whoever asks in the same order gets the same answers.
+    /// Evaluates the first `frames` frames for a required relative σ of the period. The aperture is estimated in the
+    /// first call, so that calls in the same order give the same results.
     ///
     /// # Errors
-    /// `Input` when these frames are no scan.
+    /// `Input` if these frames are no complete scan.
     pub fn decided(&mut self, frames: usize, period_sigma: f64) -> Result<Decided> {
         let mut first = self.frames.clone();
         first.set.frames.truncate(frames);

@@ -1,11 +1,12 @@
-//! Pixels whose answers are worked out here, term by term, against what is found in them.
+//! Pixels with responses computed term by term, compared with their solutions.
 
 use super::optics::carrier;
 use super::optics::tests::facing;
 use super::*;
 use std::f64::consts::{PI, TAU};
 
-/// Where light that leaves a point of the sample by order `m` of a grating meets the panel: by angles rather than by sines.
+/// Panel position of light leaving a point of the sample in order `m` of a grating, computed with angles rather than
+/// sines.
 fn spot(point: [f64; 2], orientation: f64, period_um: f64, m: f64) -> Option<[f64; 2]> {
     let [x, y] = point;
     let to = [-50.0 - x, -y, 250.0];
@@ -23,7 +24,7 @@ fn spot(point: [f64; 2], orientation: f64, period_um: f64, m: f64) -> Option<[f6
     (place[0].abs() < 260.0 && place[1].abs() < 160.0).then_some(place)
 }
 
-/// What a pixel answers to fringes.
+/// Response of a pixel to fringes.
 fn answers(fringes: &[[f64; 2]], spots: &[([f64; 2], f64)]) -> Vec<f32> {
     let of = |f: &[f64; 2]| {
         let angle = |at: [f64; 2]| TAU * (f[0] * at[0] + f[1] * at[1]);
@@ -68,7 +69,8 @@ impl Bench {
     }
 }
 
-/// Gratings of all directions and periods come back to a thousandth, wherever the pixel is; those out of reach do not come back at all.
+/// Gratings of all directions and periods are recovered to 0.1 % at any pixel; those out of reach are not recovered at
+/// all.
 #[test]
 fn gratings_come_back() {
     let bench = Bench::new(12);
@@ -97,7 +99,7 @@ fn gratings_come_back() {
     assert_eq!(bench.solve([0.0; 2], &[], Demands::default()).0, Verdict::Dark);
 }
 
-/// Two gratings in one pixel are no third one: masked, unless one of them outshines the other.
+/// Two gratings in one pixel are not taken for a third one: the pixel is masked, unless one outshines the other.
 #[test]
 fn two_gratings_are_not_one() {
     let bench = Bench::new(12);
@@ -116,12 +118,12 @@ fn two_gratings_are_not_one() {
     }
 }
 
-/// A mirror direction that is off is found along with the grating, since zero and first orders say where it is.
+/// A deviating mirror direction is fitted with the grating, because zero and first orders determine it.
 #[test]
 fn tilted_surfaces_are_told_from_periods() {
     let bench = Bench::new(12);
     let (orientation, period) = (0.6, 2.0);
-    // A sample that is elsewhere than thought: all spots are those of a place 0.8 mm to the right.
+    // A displaced sample: all orders are those of a position 0.8 mm to the right.
     let spots = bench.orders([0.8, 0.0], orientation, period);
     let demands = Demands { mirror_sigma: 0.01, ..Demands::default() };
     let (verdict, grating, _) = bench.solve([0.0; 2], &spots, demands);

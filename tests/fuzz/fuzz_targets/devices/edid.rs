@@ -1,4 +1,4 @@
-//! Any bytes are an EDID or are refused.
+//! Any bytes are parsed as an EDID or rejected.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -7,7 +7,7 @@ use nacre_drivers::display::edid;
 fuzz_target!(|bytes: &[u8]| {
     let mut sealed = bytes.to_vec();
     if let Some(block) = sealed.first_chunk_mut::<{ edid::BLOCK }>() {
-        // Past header and checksum, which chance would not find.
+        // Valid header and checksum, which random inputs would not hit.
         block[..8].copy_from_slice(&[0, 255, 255, 255, 255, 255, 255, 0]);
         block[127] = block[..127].iter().fold(0u8, |sum, b| sum.wrapping_sub(*b));
     }

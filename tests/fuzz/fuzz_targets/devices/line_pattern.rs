@@ -1,5 +1,5 @@
-//! Templates and patterns of the configuration, and lines that are compared with them: pattern and line, separated by a
-//! byte of 0.
+//! Templates and patterns of the configuration, and lines matched against them: pattern and line, separated by a zero
+//! byte.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Bytes that are cut into lines. The first byte says how the rest is cut into pieces, which must make no difference.
+//! Bytes split into lines. The first byte determines how the rest is fragmented, which must not change the result.
 
 #![no_main]
 

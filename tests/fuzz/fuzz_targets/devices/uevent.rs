@@ -1,4 +1,4 @@
-//! What the kernel says of HID devices, whose names come from the devices.
+//! Kernel descriptions of HID devices, with names chosen by the devices.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

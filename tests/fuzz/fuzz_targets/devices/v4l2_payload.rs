@@ -1,4 +1,4 @@
-//! Any payload of any format is unpacked to as many codes as there are pixels, or refused.
+//! Any payload of any format is unpacked to one code per pixel, or rejected.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

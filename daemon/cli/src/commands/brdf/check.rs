@@ -17,37 +17,37 @@ Examples:
   nacre brdf check blazed.exr --light 75
   nacre brdf check snake.png --pixel-um 0.08 --range-um 0.43 --light 75 --out peaks.csv
 
-For each wavelength, the angle of the first order's peak gives a period, λ/(sin θi + sin θr); their mean and variance
-are compared with the period that the heights show. Of a patch that cuts a single grating, one period stands in for it. The gain is divided out and the peak interpolated.
---out writes FILE.csv (wavelength_nm, theta_r_deg, period_nm, relative), FILE.svg (a plot of them beside the
-equation) and FILE.json.")]
+At each wavelength, the peak angle of the first order gives a period, λ/(sin θi + sin θr). The mean and variance of these
+periods are compared with the period of the heights. If a patch cuts a single grating, one of its periods represents
+it. Peaks are interpolated after division by the gain. --out writes FILE.csv (wavelength_nm, theta_r_deg, period_nm,
+relative), FILE.svg (plot with the grating equation) and FILE.json.")]
 pub struct Check {
     #[command(flatten)]
     surface: Surface,
-    /// Angle of the light from the normal in degrees.
+    /// Angle of incidence from the normal in degrees.
     #[arg(long, default_value_t = 75.0, value_name = "THETA", allow_negative_numbers = true)]
     light: f64,
-    /// Azimuth of light and views in degrees (default: the direction of the strongest period).
+    /// Azimuth of the plane of incidence in degrees (default: direction of the strongest period).
     #[arg(long, value_name = "PHI", allow_negative_numbers = true)]
     azimuth: Option<f64>,
-    /// Period that is expected (default: the strongest of the heights' spectrum).
+    /// Expected period in µm (default: strongest period in the spectrum of the heights).
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     period_um: Option<f64>,
-    /// Wavelengths in nm: from:to:step, or numbers.
+    /// Wavelengths in nm: FROM:TO:STEP or a list of numbers.
     #[arg(long, default_value = "380:780:5", value_name = "LIST")]
     wavelengths: List,
     #[command(flatten)]
     optics: Optics,
-    /// The table of peaks; a plot and a report go beside it.
+    /// Table of peaks (CSV); a plot (SVG) and a report (JSON) are written beside it.
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
-    /// Replace files that are there.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
 }
 
 impl Check {
-    /// Computes it, and writes it where asked.
+    /// Measures the peaks of the first order and compares them with the grating equation.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let begun = Instant::now();
         let files: Vec<PathBuf> = self

@@ -1,4 +1,4 @@
-//! What the products of a height field share.
+//! Arguments and functions shared by the commands on height fields.
 
 use crate::commands::values::numbers;
 use crate::console::Console;
@@ -8,67 +8,68 @@ use nacre_brdf::{HeightField, Method, Normalisation, Reflectance, Settings};
 use nacre_capture::Failure;
 use std::path::{Path, PathBuf};
 
-/// The surface.
+/// Height field and its scale.
 #[derive(clap::Args)]
 pub struct Surface {
-    /// Height field: a grey image (PNG, TIFF, JPEG, BMP; bright is high), an EXR map, a file of an AFM or profilometer (Gwyddion,
-    /// Igor, X3P, Nanoscope, SDF, Nanosurf, Surfer, BCR), or text: rows of heights, points x y z, or a profile.
+    /// Height field. Accepts a grey image (bright is high), an EXR map, text, or an AFM or profilometer file. Images:
+    /// PNG, TIFF, JPEG, BMP. Instruments: Gwyddion, Igor, X3P, Nanoscope, SDF, Nanosurf, Surfer, BCR. Text: rows of
+    /// heights, points x y z, or a profile.
     height: PathBuf,
-    /// Size of its pixels, unless the file says so.
+    /// Pixel pitch in µm (default: as stated in the file).
     #[arg(long, value_name = "P", allow_negative_numbers = true)]
     pixel_um: Option<f64>,
-    /// Height of white above black, or of the highest above the lowest number of a text or a signed or float TIFF, unless the file
-    /// says so.
+    /// Height range in µm: from black to white of an image, or from the lowest to the highest number of text, signed or
+    /// float TIFF. Required unless the file states it.
     #[arg(long, value_name = "H", allow_negative_numbers = true)]
     range_um: Option<f64>,
-    /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
+    /// Channel of a multi-channel file: its name, or its number from 1 (default: first height channel).
     #[arg(long, value_name = "NAME")]
     channel: Option<String>,
-    /// Fill gaps by interpolation if they are at most this share of the heights, up to 0.5 (default: refuse them).
+    /// Interpolate gaps if they cover at most this fraction of the heights, 0 to 0.5 (default: refuse gaps).
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     fill_gaps: Option<f64>,
-    /// Take the plane that fits best away: for samples that lay askew.
+    /// Subtract the best-fit plane, to remove sample tilt.
     #[arg(long)]
     level: bool,
 }
 
-/// Light and accuracy.
+/// Illumination, BRDF method and accuracy.
 #[derive(clap::Args)]
 pub struct Optics {
-    /// How densities are computed; auto takes the cheapest that meets the error.
+    /// Method for spectral densities; auto selects the cheapest one that meets --max-error.
     #[arg(long, default_value = "auto", value_name = "auto|reference|taylor|chebyshev|fft|nmm|pq|pq-linear")]
     method: Method,
-    /// Highest power of --method taylor, whatever it is off by: 1 is the first order of measured heights (2017 paper).
+    /// Highest power of --method taylor, whatever its error. 1 is the first order of measured heights (2017 paper).
     #[arg(long, value_name = "N", requires = "method")]
     order: Option<usize>,
-    /// Width of the light's coherence (four standard deviations of a Gaussian).
+    /// Coherence width of the light in µm (four standard deviations of a Gaussian).
     #[arg(long, default_value_t = 65.0, value_name = "UM", allow_negative_numbers = true)]
     coherence_um: f64,
-    /// Error asked for: relative, of every lobe that holds a thousandth of the light; the exit code is 1 when it is larger.
+    /// Maximum relative error of any lobe that holds at least 0.1 % of the light. A larger error sets exit code 1.
     #[arg(long, default_value_t = 0.01, value_name = "REL", allow_negative_numbers = true)]
     max_error: f64,
 }
 
-/// The material and what the numbers are.
+/// Reflectance of the material and normalisation of the output.
 #[derive(clap::Args)]
 pub struct Material {
-    /// Reflectance of the smooth surface.
+    /// Reflectance model of the smooth surface.
     #[arg(
         long,
         default_value = "perfect",
         value_name = "perfect|schlick=R0|aluminium|silver|gold|copper|nickel|chromium|silicon"
     )]
     material: Reflectance,
-    /// Shadowing and masking of V grooves.
+    /// Include shadowing and masking of V grooves.
     #[arg(long)]
     shadowing: bool,
-    /// What the numbers are: brdf (1/sr), or relative to a flat mirror in its mirror direction.
+    /// Output quantity: brdf (1/sr), or relative to a flat mirror in its mirror direction.
     #[arg(long, default_value = "brdf", value_name = "brdf|relative")]
     normalisation: Normalisation,
 }
 
 impl Surface {
-    /// Reads it and says what it is fit for.
+    /// Reads the height field and evaluates its quality (resolution, slope, coherence).
     pub fn read(&self, coherence_um: f64, console: &Console) -> Result<(HeightField, Quality), Failure> {
         console.stage("reading", 1);
         let scale = Scale {
@@ -84,14 +85,14 @@ impl Surface {
         Ok((field, quality))
     }
 
-    /// The file.
+    /// Path of the height-field file.
     pub fn path(&self) -> &Path {
         &self.height
     }
 }
 
 impl Optics {
-    /// Settings of light at these angles in degrees.
+    /// BRDF settings for incident light at (polar angle, azimuth) in degrees.
     pub fn settings(&self, light_deg: [f64; 2]) -> Settings {
         Settings {
             light_deg,
@@ -103,7 +104,7 @@ impl Optics {
         }
     }
 
-    /// Fails where the error is larger than asked for.
+    /// Fails if the error exceeds `--max-error`.
     pub fn judge(&self, error: f64) -> Result<(), Failure> {
         if error <= self.max_error {
             return Ok(());
@@ -113,7 +114,7 @@ impl Optics {
 }
 
 impl Material {
-    /// Adds the material to settings.
+    /// Adds reflectance, shadowing and normalisation to the settings.
     pub fn add(&self, settings: Settings) -> Settings {
         Settings {
             reflectance: self.reflectance(),
@@ -128,16 +129,16 @@ impl Material {
     }
 }
 
-/// Two angles of a direction, in degrees.
+/// Parses a direction: polar angle and azimuth in degrees.
 pub fn direction(text: &str) -> Result<[f64; 2], String> {
     let wanted = "THETA or THETA,PHI in degrees";
     numbers(text, wanted).or_else(|_| numbers(text, wanted).map(|[theta]: [f64; 1]| [theta, 0.0]))
 }
 
-/// Most numbers of a list.
+/// Maximum length of a list.
 const MOST: f64 = 1e6;
 
-/// A list of numbers, `380:780:5` (from, to, step) or `450,550,650`.
+/// List of numbers: `380:780:5` (from, to, step) or `450,550,650`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct List(pub Vec<f64>);
 
@@ -153,7 +154,7 @@ impl std::str::FromStr for List {
             if !(0.0..MOST).contains(&count) || *step == 0.0 {
                 return Err(format!("{text} is no range from:to:step of at most {MOST} numbers"));
             }
-            // Rounded to what a person writes, so that no 0.30000000000000004 gets into tables.
+            // Rounded to nine decimals, to keep 0.30000000000000004 out of tables.
             let at = |k: usize| ((from + step * k as f64) * 1e9).round() / 1e9;
             return Ok(Self((0..=count as usize).map(at).collect()));
         }

@@ -15,27 +15,27 @@ use std::path::PathBuf;
 Examples:
   nacre brdf gems --period-um 1.6 --out shader.exr
   nacre brdf surface sinusoid --period-um 1.6 --depth-um 0.1 --out s.exr && nacre brdf map s.exr --light 30,0 --out map.exr
-  nacre brdf gems --period-um 1.6 --light 30,0 --out shader.exr         the same grating by the shader
+  nacre brdf gems --period-um 1.6 --light 30,0 --out shader.exr         same grating, GPU Gems shader
 
-The shader knows the period only: all orders are alike, and depth, profile and material have no effect. Writes FILE.exr (linear R G B over
-directions of view, as the maps of `nacre brdf map`) and FILE.png.")]
+The shader uses only the period: all orders are equal, and depth, profile and material have no effect. Writes FILE.exr
+(linear R G B over viewing directions, as `nacre brdf map` does) and FILE.png.")]
 pub struct Gems {
-    /// Period of the grating (0.1 to 100).
+    /// Period of the grating in µm (0.1 to 100).
     #[arg(long, value_name = "UM", allow_negative_numbers = true)]
     period_um: f64,
-    /// Direction of the grating vector, anticlockwise from the right.
+    /// Direction of the grating vector in degrees, anticlockwise from the right.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     direction_deg: f64,
-    /// Angle of the light from the normal, and its azimuth anticlockwise from the right, in degrees.
+    /// Direction of incident light in degrees: angle from the normal, azimuth anticlockwise from the right.
     #[arg(long, default_value = "0,0", value_name = "THETA,PHI", value_parser = |t: &str| numbers::<f64, 2>(t, "THETA,PHI, two angles"), allow_hyphen_values = true)]
     light: [f64; 2],
-    /// Pixels of a row and of a column.
+    /// Width and height of the map in pixels.
     #[arg(long, default_value_t = 512)]
     size: usize,
-    /// The map (EXR); its picture goes beside it.
+    /// Map (EXR); a picture (PNG) is written beside it.
     #[arg(long, value_name = "FILE.exr")]
     out: PathBuf,
-    /// Replace files that are there.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
 }
@@ -51,7 +51,7 @@ struct Report {
 }
 
 impl Gems {
-    /// Computes and writes it.
+    /// Computes and writes the map.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let files = vec![self.out.clone(), self.out.with_extension("png")];
         vacant(&files, self.force)?;

@@ -20,16 +20,16 @@ Examples:
   nacre brdf heights scan.spm --channel \"Height Sensor\" --level --out scan.exr
   nacre brdf heights points.xyz --pixel-um 0.1 --range-um 0.15 --out points.exr
 
-Writes FILE.exr (height in µm, with the pixel pitch) and FILE.png (a picture) of the heights that Nacre reads.")]
+Writes the heights as FILE.exr (in µm, with the pixel pitch) and as FILE.png (picture).")]
 pub struct Heights {
     #[command(flatten)]
     surface: Surface,
-    /// The height field.
+    /// Height field (EXR); a picture (PNG) is written beside it.
     #[arg(long, value_name = "FILE.exr")]
     out: PathBuf,
     #[command(flatten)]
     bar: BarArgs,
-    /// Replace files that are there.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
 }
@@ -42,7 +42,7 @@ struct Report<'a> {
 }
 
 impl Heights {
-    /// Reads and writes it.
+    /// Reads the height field and writes it as EXR.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let picture = self.out.with_extension("png");
         let files = vec![self.out.clone(), picture.clone()];

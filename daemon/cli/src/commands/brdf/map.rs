@@ -21,18 +21,19 @@ Examples:
   nacre brdf map blazed.exr --zoom 20 --center 0.22,0 --out order.exr          the first order alone
   nacre brdf map afm.txt --level --reflectance silicon --max-error 0.001 --out silicon.exr
 
-Writes FILE.exr (X Y Z over directions of view (x, y) = sin θ (cos φ, sin φ), y up, NaN below the surface), FILE.png
-(a picture of it) and FILE.json (what the surface holds, how the map was computed, and how good it is).")]
+Writes FILE.exr, FILE.png (picture) and FILE.json (surface, method and accuracy). The EXR holds X Y Z over viewing
+directions (x, y) = sin θ (cos φ, sin φ), y up, with NaN below the surface.")]
 pub struct Map {
-    /// Height field: a grey image (PNG, TIFF, JPEG, BMP; bright is high), an EXR map, a file of an AFM or profilometer (Gwyddion,
-    /// Igor, X3P, Nanoscope, SDF, Nanosurf, Surfer, BCR), or text: rows of heights, points x y z, or a profile.
+    /// Height field. Accepts a grey image (bright is high), an EXR map, text, or an AFM or profilometer file. Images:
+    /// PNG, TIFF, JPEG, BMP. Instruments: Gwyddion, Igor, X3P, Nanoscope, SDF, Nanosurf, Surfer, BCR. Text: rows of
+    /// heights, points x y z, or a profile.
     height: PathBuf,
-    /// The map (EXR); picture and report go beside it.
+    /// Map (EXR); a picture (PNG) and a report (JSON) are written beside it.
     #[arg(long, value_name = "FILE.exr")]
     out: PathBuf,
     #[command(flatten)]
     options: Flags<MapOptions>,
-    /// Replace files that are there.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -40,7 +41,7 @@ pub struct Map {
 }
 
 impl Map {
-    /// Computes and writes it.
+    /// Computes and writes the map.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let options = self.options.options()?;
         let [picture, json] = ["png", "json"].map(|e| self.out.with_extension(e));

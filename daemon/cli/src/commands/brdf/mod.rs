@@ -14,28 +14,28 @@ use crate::console::Console;
 use clap::Subcommand;
 use nacre_capture::Failure;
 
-/// What to compute of a surface's diffraction.
+/// BRDF products of a surface.
 #[derive(Subcommand)]
 pub enum Brdf {
-    /// Colours over all directions of view, for one direction of light.
+    /// Compute colours over all viewing directions for one direction of incidence.
     Map(Box<map::Map>),
-    /// Spectra along a half circle of directions of view.
+    /// Compute spectra along a half circle of viewing directions.
     Slice(Box<slice::Slice>),
-    /// Colours by the shader of GPU Gems, from a period alone, for comparison.
+    /// Compute colours with the GPU Gems diffraction shader, from the period alone, for comparison.
     Gems(gems::Gems),
-    /// Light in each order of a grating, from its cross-section.
+    /// Compute the light in each diffraction order of a grating from its cross-section.
     Orders(orders::Orders),
-    /// Peaks of the first order against the grating equation.
+    /// Compare peaks of the first order with the grating equation.
     Check(Box<check::Check>),
-    /// Transforms of a height field for all directions, for programs that draw in real time.
+    /// Write Fourier terms of a height field for real-time rendering.
     Terms(Box<terms::Terms>),
-    /// Read a height field of any format and write it as EXR map.
+    /// Convert a height field of any supported format to an EXR map.
     Heights(Box<heights::Heights>),
-    /// Make a height field from a formula.
+    /// Generate a height field from a formula.
     Surface(surface::Surface),
 }
 
-/// Runs it.
+/// Runs the selected command.
 pub fn run(command: &Brdf, console: &Console) -> Result<(), Failure> {
     match command {
         Brdf::Map(args) => args.run(console),

@@ -20,36 +20,38 @@ use std::path::{Path, PathBuf};
 Examples:
   nacre brdf orders --period-um 1.66 --depth-um 0.1 --out orders.csv
   nacre brdf orders --period-um 2.5 --depth-um 0.3 --profile blazed --light 30 --wavelengths 550 --out blazed.csv
-  nacre brdf orders --period-um 1.66 --depth-um 0.2 --method taylor2 --out paper.csv        gains light: to compare
+  nacre brdf orders --period-um 1.66 --depth-um 0.2 --method taylor2 --out paper.csv        for comparison: gains light
   nacre brdf orders --period-um 2.5 --profile section.csv --out measured.csv                rows \"x_um,height_um\"
 
-Writes FILE.csv: wavelength_nm, order, efficiency (part of the reflected light, for the mirror direction's depth of
-phase; adds up to 1 over all orders), theta_r_deg (angle of the order, positive towards the light; NaN where it leaves
-in no direction) and flux (part of the light in it by Stam's BRDF, whose phase and gain are those of its own direction).
-Scalar theory: `nacre brdf` knows no polarization.")]
+Writes FILE.csv with these columns:
+  wavelength_nm, order
+  efficiency   fraction of the reflected light, with the phase depth of the mirror direction; sums to 1 over all orders
+  theta_r_deg  angle of the order, positive towards the light; NaN for evanescent orders
+  flux         fraction of the light by Stam's BRDF, with the phase and gain of the order's own direction
+The theory is scalar: `nacre brdf` ignores polarization.")]
 pub struct Orders {
     /// Period in µm.
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     period_um: f64,
-    /// From the lowest to the highest point in µm; a cross-section from a file has its own.
+    /// Peak-to-valley depth in µm; a cross-section file states its own.
     #[arg(long, value_name = "H", allow_negative_numbers = true)]
     depth_um: Option<f64>,
-    /// Cross-section: sinusoid, blazed, rectangular (or rectangular=SHARE that is high), or a CSV file.
+    /// Cross-section: sinusoid, blazed, rectangular, rectangular=DUTY (raised fraction of the period), or a CSV file.
     #[arg(long, default_value = "sinusoid", value_name = "NAME|FILE.csv")]
     profile: String,
-    /// Angle of the light from the normal in degrees, across the grooves.
+    /// Angle of incidence from the normal in degrees, in the plane across the grooves.
     #[arg(long, default_value_t = 0.0, value_name = "THETA", allow_negative_numbers = true)]
     light: f64,
-    /// Wavelengths in nm: from:to:step, or numbers.
+    /// Wavelengths in nm: FROM:TO:STEP or a list of numbers.
     #[arg(long, default_value = "380:780:5", value_name = "LIST")]
     wavelengths: List,
-    /// exact, or the paper's second-order Taylor lobes.
+    /// Method: exact, or taylor2 for the paper's second-order Taylor lobes.
     #[arg(long, default_value = "exact", value_name = "exact|taylor2", value_parser = method)]
     method: OrderMethod,
-    /// The table.
+    /// Table of orders (CSV).
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }
@@ -62,7 +64,7 @@ fn method(text: &str) -> Result<OrderMethod, String> {
     }
 }
 
-/// An order at a wavelength.
+/// One diffraction order at one wavelength.
 #[derive(Serialize)]
 struct Row {
     wavelength_nm: f64,
@@ -72,13 +74,13 @@ struct Row {
     flux: Option<f64>,
 }
 
-/// The result as JSON.
+/// JSON output of the command.
 #[derive(Serialize)]
 struct Report {
     method: OrderMethod,
     period_um: f64,
     depth_um: f64,
-    /// Sums of the efficiencies of the orders in the table, least and most: 1 when all light is accounted for.
+    /// Minimum and maximum over the wavelengths of the summed efficiencies; 1 when the orders hold all reflected light.
     sums: [f64; 2],
     warnings: Vec<String>,
     orders: Vec<Row>,
@@ -111,7 +113,7 @@ impl Orders {
         }
     }
 
-    /// Computes and writes them.
+    /// Computes and writes the table.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         vacant(std::slice::from_ref(&self.out), self.force)?;
         let section = self.section()?;
@@ -163,12 +165,13 @@ impl Orders {
         Ok(())
     }
 
-    /// All orders at a wavelength that hold light or leave the surface.
+    /// All orders at a wavelength (nm) that propagate or hold more than 1e-9 of the reflected light.
     fn at(&self, section: &Section, light: Direction, nm: f64) -> Result<Vec<Row>, Error> {
         let k = TAU * 1e3 / nm;
         let mirror = 2.0 * k * light.z;
         let visible = ((1.0 + light.x) * self.period_um * 1e3 / nm).ceil() as usize;
-        // Edges scatter into high orders; beyond these they hold less than a thousandth.
+        // Edges of the profile scatter into high orders; the orders beyond this bound hold less than 0.1 % of the
+        // light.
         let most = (most_orders(mirror, section.depth_um()) + 200).max(visible);
         let all = section.efficiencies(mirror, most, self.method)?;
         let keep = |(m, efficiency): &(i32, f64)| *efficiency > 1e-9 || m.unsigned_abs() as usize <= visible;

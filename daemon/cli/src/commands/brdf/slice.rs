@@ -17,36 +17,36 @@ Examples:
   nacre brdf slice blazed.exr --light 75,0 --wavelengths 380:780:5 --views=-90:90:0.1 --out slice.csv
   nacre brdf slice snake.png --pixel-um 0.08 --range-um 0.43 --wavelengths 550 --azimuth 90 --out along.csv
 
-Writes FILE.csv (wavelength_nm, theta_r_deg, reflectance; angles are positive towards the azimuth, and reflectance at
-grazing angles is NaN) and FILE.json (how it was computed, and how good it is).")]
+Writes FILE.csv (wavelength_nm, theta_r_deg, reflectance) and FILE.json (method and accuracy). Angles are positive towards
+the azimuth; reflectance at grazing angles is NaN.")]
 pub struct Slice {
     #[command(flatten)]
     surface: Surface,
-    /// Angle of the light from the normal, and its azimuth anticlockwise from the right, in degrees.
+    /// Direction of incident light in degrees: angle from the normal, azimuth anticlockwise from the right.
     #[arg(long, default_value = "0,0", value_name = "THETA,PHI", value_parser = direction, allow_hyphen_values = true)]
     light: [f64; 2],
-    /// Wavelengths in nm: from:to:step, or numbers.
+    /// Wavelengths in nm: FROM:TO:STEP or a list of numbers.
     #[arg(long, default_value = "380:780:5", value_name = "LIST")]
     wavelengths: List,
-    /// Angles of view from the normal in degrees: from:to:step, or numbers.
+    /// Viewing angles from the normal in degrees: FROM:TO:STEP or a list of numbers.
     #[arg(long, default_value = "-90:90:0.1", value_name = "LIST", allow_hyphen_values = true)]
     views: List,
-    /// Azimuth of the half circle of views in degrees (default: that of the light).
+    /// Azimuth of the half circle of viewing directions in degrees (default: azimuth of the light).
     #[arg(long, value_name = "PHI", allow_negative_numbers = true)]
     azimuth: Option<f64>,
     #[command(flatten)]
     optics: Optics,
     #[command(flatten)]
     material: Material,
-    /// The table; a report goes beside it.
+    /// Table (CSV); a report (JSON) is written beside it.
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
-    /// Replace files that are there.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
 }
 
-/// What a slice's report adds.
+/// Report fields specific to slices.
 #[derive(Serialize)]
 struct More {
     wavelengths: usize,
@@ -54,7 +54,7 @@ struct More {
 }
 
 impl Slice {
-    /// Computes and writes it.
+    /// Computes and writes the slice.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let begun = Instant::now();
         let json = self.out.with_extension("json");

@@ -18,57 +18,58 @@ Examples:
   nacre brdf surface blazed --period-um 2.5 --depth-um 0.3 --out blazed.exr
   nacre brdf surface fingers --period-um 1.15 --depth-um 0.4 --pixels 512 --pixel-um 0.09 --angle 20 --out snake.exr
 
-Without --pixel-um, pixels are as fine as light at 75 degrees needs, periods are whole pixels, and the patch holds whole
-periods where the angle is a multiple of 90. Writes FILE.exr (height in µm, with the pixel pitch) and FILE.png (a picture).")]
+Without --pixel-um, pixels are fine enough for light at 75 degrees, and a period is a whole number of pixels. The patch
+then holds whole periods if the angle is a multiple of 90. Writes FILE.exr (height in µm, with the pixel pitch) and
+FILE.png (picture).")]
 pub struct Surface {
-    /// What it is.
+    /// Shape of the surface.
     shape: Kind,
     /// Period in µm.
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     period_um: f64,
-    /// From the lowest to the highest point in µm.
+    /// Peak-to-valley depth in µm.
     #[arg(long, value_name = "H", allow_negative_numbers = true)]
     depth_um: f64,
-    /// Part of the period that is high, of a rectangular grating.
+    /// Duty cycle of a rectangular grating: raised fraction of the period (0 to 1, exclusive).
     #[arg(long, default_value_t = 0.5, allow_negative_numbers = true)]
     duty: f64,
     /// Direction of the grating vector, anticlockwise from the right, in degrees.
     #[arg(long, default_value_t = 0.0, value_name = "DEG", allow_negative_numbers = true)]
     angle: f64,
-    /// Pixels of a row and of a column; without --pixel-um at most so many.
+    /// Width and height in pixels; an upper bound without --pixel-um.
     #[arg(long, default_value_t = 256)]
     pixels: usize,
-    /// Size of a pixel in µm.
+    /// Pixel pitch in µm (default: as fine as light at 75° needs).
     #[arg(long, value_name = "P", allow_negative_numbers = true)]
     pixel_um: Option<f64>,
-    /// The height field.
+    /// Height field (EXR); a picture (PNG) is written beside it.
     #[arg(long, value_name = "FILE.exr")]
     out: PathBuf,
     #[command(flatten)]
     bar: BarArgs,
-    /// Replace files that are there.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
 }
 
-/// Shapes by name.
+/// Shapes.
 #[derive(Clone, Copy, ValueEnum)]
 enum Kind {
-    /// A sinusoid.
+    /// Sinusoidal grating.
     Sinusoid,
-    /// Rises evenly and falls at once.
+    /// Blazed grating: linear rise, vertical drop.
     Blazed,
-    /// High over a part of the period.
+    /// Rectangular grating with duty cycle --duty.
     Rectangular,
-    /// Tracks of a disc, with pits.
+    /// Disc tracks with pits.
     Cd,
-    /// Two gratings side by side, the second 8 % wider and turned by 6°.
+    /// Two gratings side by side; the second has an 8 % larger period and is rotated by 6°.
     TwoRegions,
     /// Rows of fingers, as on a snake's scale.
     Fingers,
 }
 
-/// Finest pitch that light at 75° needs at 380 nm, a little less than λ/(2 (1 + sin θ)).
+/// Pixel pitch that light at 75° requires at 380 nm: slightly below λ/(2 (1 + sin θ)).
 const FINE_UM: f64 = 0.095;
 
 #[derive(Serialize)]
@@ -79,7 +80,7 @@ struct Report<'a> {
 }
 
 impl Surface {
-    /// Pixels, at most as many as asked for, and their pitch.
+    /// Number of pixels for whole periods (at most `--pixels`), and the pixel pitch in µm.
     fn whole(&self) -> (usize, f64) {
         let per_period = (self.period_um / FINE_UM).ceil().max(4.0);
         let periods = (self.pixels as f64 / per_period).floor();
@@ -89,7 +90,7 @@ impl Surface {
         ((periods * per_period) as usize, self.period_um / per_period)
     }
 
-    /// Makes and writes it.
+    /// Generates and writes the height field.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let picture = self.out.with_extension("png");
         let files = vec![self.out.clone(), picture.clone()];
@@ -108,7 +109,7 @@ impl Surface {
             Kind::TwoRegions => Shape::TwoRegions,
             Kind::Fingers => Shape::Fingers,
         };
-        // Whole pixels in a period and whole periods in the patch, so that it can be repeated.
+        // Whole pixels per period and whole periods per patch make the patch tileable.
         let (pixels, pixel_um) = self.pixel_um.map_or_else(|| self.whole(), |um| (self.pixels, um));
         let surface = Synthetic {
             shape,

@@ -15,33 +15,33 @@ use std::time::Instant;
 #[command(after_help = "\
 Examples:
   nacre brdf terms snake.exr --out terms
-  nacre brdf terms snake.exr --max-error 0.2 --out small                          loose enough for 16 bits
-  nacre brdf terms bokeh.exr --method taylor --order 1 --max-error 0.5 --out first   the first order alone
-  nacre brdf terms coarse.exr --extent 0.5 --out near                             coarse pixels: near the mirror direction
+  nacre brdf terms snake.exr --max-error 0.2 --out small                          a bound that permits 16 bits
+  nacre brdf terms bokeh.exr --method taylor --order 1 --max-error 0.5 --out first   first order only
+  nacre brdf terms coarse.exr --extent 0.5 --out near                             coarse pixels: near the mirror direction only
 
-Writes DIR/term_000.exr and so on (re, im: transforms of polynomials of the height, frequencies from the middle, up is
-up) and DIR/terms.json (number, range, precision, predicted error, and the formula that turns them into a BRDF). What was
-written is read again and compared with direct sums.")]
+Writes DIR/term_000.exr and so on, and DIR/terms.json. Each EXR holds the Fourier transform (re, im) of a polynomial of the
+height, with zero frequency in the middle and y up. terms.json holds number, range, precision, predicted error, and the
+formula for the BRDF. The written files are read back and compared with direct sums.")]
 pub struct Terms {
     #[command(flatten)]
     surface: Surface,
     #[command(flatten)]
     optics: Optics,
-    /// Largest component of ωi + ωr in the plane of the surface: 2 for all directions of light and eye.
+    /// Largest in-plane component of ωi + ωr; 2 covers all directions of light and viewer.
     #[arg(long, default_value_t = 2.0, value_name = "E", allow_negative_numbers = true)]
     extent: f64,
-    /// Bits of the numbers: half, float, or auto for the fewest that meet the error.
+    /// Number format: half, float, or auto for the smaller one that meets --max-error.
     #[arg(long, default_value = "auto", value_name = "auto|half|float", value_parser = precision)]
     precision: Wanted,
-    /// Folder for the set.
+    /// Folder for the terms.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Replace files that are there.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
 }
 
-/// A precision, or the fewest bits that do.
+/// Requested precision; `None` selects the smallest one that meets the error.
 #[derive(Clone, Copy)]
 struct Wanted(Option<Precision>);
 
@@ -54,7 +54,7 @@ fn precision(text: &str) -> Result<Wanted, String> {
     }
 }
 
-/// What was made.
+/// Report of the command.
 #[derive(Serialize)]
 struct Made<'a> {
     #[serde(flatten)]
@@ -66,7 +66,7 @@ struct Made<'a> {
 }
 
 impl Terms {
-    /// Makes, writes and checks it.
+    /// Computes and writes the terms, then verifies the written files.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let begun = Instant::now();
         let folder = OutputFolder::begin(&self.out, self.force)?;

@@ -18,22 +18,22 @@ pub struct BoardPicture {
     /// Inner corners along a row and a column.
     #[arg(long, value_name = "9x6", default_value = "9x6", value_parser = shape)]
     board: [usize; 2],
-    /// Width and height of the picture: the panel's.
+    /// Width and height of the picture in pixels: those of the panel.
     #[arg(long, value_name = "W,H", value_parser = |t: &str| numbers::<u32, 2>(t, "width and height: 1920,1080"))]
     panel_px: [u32; 2],
-    /// Side of a square.
+    /// Side of a square in pixels.
     #[arg(long, value_name = "PX")]
     square_px: u32,
-    /// The picture (PNG).
+    /// Picture (PNG).
     #[arg(long, value_name = "FILE.png")]
     out: PathBuf,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }
 
 impl BoardPicture {
-    /// Draws and writes it.
+    /// Draws and writes the chessboard.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         vacant(std::slice::from_ref(&self.out), self.force)?;
         let [columns, rows] = self.board;

@@ -29,21 +29,21 @@ Examples:
   nacre calibrate geometry photo.jpg --relative --known-mm 297 --known-px 100,520,1180,524 --camera-mm 500 --light-mm 200 \\
       --highlight 640,500 --out relative.json
 
-Lengths are mm in coordinates of the sample: origin in its middle, x right, y up, z out of the surface. `nacre calibrate board`
-makes a board to show on the panel.")]
+Lengths are in mm, in sample coordinates: origin at the centre of the sample, x right, y up, z along the outward normal.
+`nacre calibrate board` draws a board to show on the panel.")]
 pub struct Geometry {
-    /// A folder of photographs of a chessboard; a geometry.json to go on from; with --relative the photograph itself.
+    /// Folder of chessboard photographs, or a geometry.json to extend. With --relative: the photograph of the sample.
     input: PathBuf,
-    /// The geometry (JSON).
+    /// Geometry (JSON).
     #[arg(long, value_name = "FILE.json")]
     out: PathBuf,
-    /// Folder for pictures of what was found in the photographs of the board.
+    /// Folder for check pictures: detected corners drawn into each chessboard photograph.
     #[arg(long, value_name = "DIR")]
     check: Option<PathBuf>,
     /// Inner corners of the board along a row and a column.
     #[arg(long, value_name = "9x6", default_value = "9x6", value_parser = shape)]
     board: [usize; 2],
-    /// Side of its squares.
+    /// Side of a board square in mm.
     #[arg(long, value_name = "MM", default_value_t = 25.0, allow_negative_numbers = true)]
     square_mm: f64,
     #[command(flatten)]
@@ -54,111 +54,112 @@ pub struct Geometry {
     light: Light,
     #[command(flatten)]
     ruler: RulerArgs,
-    /// Replace files that are there.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
     estimating: Estimating,
 }
 
-/// Where the sample is.
+/// Pose of the sample.
 #[derive(clap::Args)]
 struct Sample {
     /// Photograph of the board lying on the sample.
     #[arg(long, value_name = "PHOTO", conflicts_with = "sample_corners")]
     sample_photo: Option<PathBuf>,
-    /// Thickness of that board.
+    /// Thickness of the board on the sample in mm.
     #[arg(long, value_name = "MM", default_value_t = 0.0, requires = "sample_photo", allow_negative_numbers = true)]
     board_thickness_mm: f64,
-    /// Its corners in pixels: upper left, upper right, lower right, lower left.
+    /// Pixel coordinates of the sample's corners: upper left, upper right, lower right, lower left.
     #[arg(long, value_name = "X,Y,…", requires = "sample_mm", value_parser = corners, allow_hyphen_values = true)]
     sample_corners: Option<[f64; 8]>,
-    /// Its width and height.
+    /// Width and height of the sample in mm.
     #[arg(long, value_name = "W,H", requires = "sample_corners", value_parser = pair, allow_hyphen_values = true)]
     sample_mm: Option<[f64; 2]>,
-    /// How far these corners may be off.
+    /// Standard deviation of --sample-corners in pixels.
     #[arg(long, value_name = "PX", default_value_t = 1.0, allow_negative_numbers = true)]
     corner_sigma_px: f64,
 }
 
-/// Where the panel is.
+/// Pose of the panel.
 #[derive(clap::Args)]
 struct PanelArgs {
-    /// Pixels of the panel along a row and a column.
+    /// Panel width and height in pixels.
     #[arg(long, value_name = "W,H", requires = "panel_pixel_mm", value_parser = |t: &str| numbers::<u32, 2>(t, "width and height: 1920,1080"))]
     panel_px: Option<[u32; 2]>,
-    /// Size of a pixel, or its width and height.
+    /// Pixel pitch of the panel in mm, or horizontal and vertical pitch.
     #[arg(long, value_name = "P[,Q]", requires = "panel_px", value_parser = one_or_two, allow_hyphen_values = true)]
     panel_pixel_mm: Option<[f64; 2]>,
-    /// Its middle, measured by hand.
+    /// Centre of the panel in mm, measured by hand (sample coordinates).
     #[arg(long, value_name = "X,Y,Z", requires = "panel_px", conflicts_with = "panel_photo", value_parser = triple, allow_hyphen_values = true)]
     panel_at: Option<[f64; 3]>,
-    /// Its turn about x, y, z of the sample, in degrees; unturned it looks straight down.
+    /// Rotation of the panel about x, y, z of the sample in degrees. 0,0,0 faces straight down.
     #[arg(long, value_name = "RX,RY,RZ", default_value = "0,0,0", value_parser = triple, allow_hyphen_values = true)]
     panel_turn: [f64; 3],
-    /// How far both may be off, in mm and degrees.
+    /// Standard deviations of --panel-at (mm) and --panel-turn (degrees).
     #[arg(long, value_name = "MM,DEG", default_value = "3,1", value_parser = pair, allow_hyphen_values = true)]
     panel_sigma: [f64; 2],
-    /// Photograph of the panel, which shows a board in its middle, in a mirror on the sample.
+    /// Photograph of the panel's mirror image, with a chessboard in the middle of the panel and a mirror on the sample.
     #[arg(long, value_name = "PHOTO", requires_all = ["panel_px", "panel_square_px"])]
     panel_photo: Option<PathBuf>,
-    /// Inner corners of the board that it shows.
+    /// Inner corners of the board on the panel, along a row and a column.
     #[arg(long, value_name = "9x6", default_value = "9x6", value_parser = shape)]
     panel_board: [usize; 2],
-    /// Side of its squares in panel pixels.
+    /// Side of a square of that board in panel pixels.
     #[arg(long, value_name = "PX", allow_negative_numbers = true)]
     panel_square_px: Option<f64>,
-    /// The camera sees the panel itself, not its mirror image.
+    /// The photograph shows the panel directly, without a mirror.
     #[arg(long)]
     panel_direct: bool,
-    /// Height of the mirror above the sample.
+    /// Height of the mirror above the sample in mm.
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
     mirror_mm: f64,
 }
 
-/// Where the light is, and its wavelength.
+/// Position of the light, and its wavelength.
 #[derive(clap::Args)]
 struct Light {
-    /// Where the light's mirror image is seen, in pixels, or a photograph in which it is found; the mirror's height (mm) and tilt about x
-    /// and y (degrees). May be given several times.
+    /// Pixel of the light's mirror image, or a photograph that shows it. Append the mirror's height (mm) and its tilt
+    /// about x and y (degrees). Repeatable.
     #[arg(long, value_name = "X,Y|PHOTO[,Z[,TX,TY]]", value_parser = highlight::parse, allow_hyphen_values = true)]
     highlight: Vec<highlight::Given>,
-    /// How far highlights may be off.
+    /// Standard deviation of highlight positions in pixels.
     #[arg(long, value_name = "PX", default_value_t = 0.5, allow_negative_numbers = true)]
     highlight_sigma_px: f64,
-    /// Height of the light above the sample, and how far it may be off.
+    /// Height of the light above the sample and its standard deviation, in mm.
     #[arg(long, value_name = "H,SIGMA", value_parser = pair, allow_hyphen_values = true, conflicts_with = "relative")]
     light_height_mm: Option<[f64; 2]>,
-    /// Spectrum of the lamp: E, A, D65, FL1 to FL12, LED-B1, LED-B3, or a CSV file (wavelength_nm,power).
+    /// Lamp spectrum: E, A, D65, FL1 to FL12, LED-B1, LED-B3, or a CSV file (wavelength_nm,power).
     #[arg(long, value_name = "NAME|FILE.csv")]
     lamp: Option<String>,
-    /// Transmission of the filter (CSV).
+    /// Filter transmission (CSV).
     #[arg(long, value_name = "FILE.csv")]
     filter: Option<PathBuf>,
-    /// Response of the camera's channel (CSV).
+    /// Spectral response of the camera channel (CSV).
     #[arg(long, value_name = "FILE.csv")]
     response: Option<PathBuf>,
-    /// The wavelength itself in nm, and how far it may be off.
+    /// Wavelength and its standard deviation in nm.
     #[arg(long, value_name = "NM[,SIGMA]", conflicts_with_all = ["lamp", "filter", "response"], value_parser = wavelength, allow_hyphen_values = true)]
     wavelength: Option<[f64; 2]>,
 }
 
-/// The way without a calibration.
+/// Relative geometry, without a calibration.
 #[derive(clap::Args)]
 struct RulerArgs {
-    /// No calibration: one known length on the sample, two distances, the middle of the picture. Periods will be relative.
+    /// Derive a relative geometry from one known length and two distances. Assumes the optical axis in the middle of
+    /// the picture; periods will be relative.
     #[arg(long, requires_all = ["known_mm", "known_px", "camera_mm", "light_mm", "highlight"])]
     relative: bool,
-    /// A known length on the sample.
+    /// Known length on the sample in mm.
     #[arg(long, value_name = "L", requires = "relative", allow_negative_numbers = true)]
     known_mm: Option<f64>,
-    /// Its two ends in pixels.
+    /// Pixel coordinates of both ends of the known length.
     #[arg(long, value_name = "X1,Y1,X2,Y2", requires = "relative", value_parser = |t: &str| numbers::<f64, 4>(t, "two places: 10,20,300,20"), allow_hyphen_values = true)]
     known_px: Option<[f64; 4]>,
-    /// From the sample to the camera.
+    /// Distance from the sample to the camera in mm.
     #[arg(long, value_name = "D", requires = "relative", allow_negative_numbers = true)]
     camera_mm: Option<f64>,
-    /// From the sample to the light.
+    /// Distance from the sample to the light in mm.
     #[arg(long, value_name = "H", requires = "relative", allow_negative_numbers = true)]
     light_mm: Option<f64>,
 }
@@ -179,12 +180,12 @@ fn one_or_two(text: &str) -> Result<[f64; 2], String> {
     pair(text).or_else(|_| numbers(text, "one number or two: 0.2745").map(|[p]: [f64; 1]| [p, p]))
 }
 
-/// Half a nanometre is what a filter's data sheet is good for.
+/// Defaults to a standard deviation of 0.5 nm, the accuracy of a filter's data sheet.
 fn wavelength(text: &str) -> Result<[f64; 2], String> {
     pair(text).or_else(|_| numbers(text, "nm, or nm and how far off: 530,2").map(|[nm]: [f64; 1]| [nm, 0.5]))
 }
 
-/// What is printed as JSON.
+/// JSON output of the command.
 #[derive(Serialize)]
 struct Printed<'a> {
     geometry: &'a geometry::Geometry,
@@ -195,7 +196,7 @@ struct Printed<'a> {
 }
 
 impl Geometry {
-    /// Measures and writes it.
+    /// Measures the geometry and writes it.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         vacant(std::slice::from_ref(&self.out), self.force)?;
         let (request, band) = self.request()?;
@@ -264,7 +265,7 @@ impl Geometry {
         let [highlight] = highlights else {
             return Err(Error::input("highlight", "is given several times", "give one with --relative").into());
         };
-        // clap has seen to it that all are there.
+        // clap guarantees that all four are given.
         let [a, b, c, d] = r.known_px.unwrap_or_default();
         Ok(Ruler {
             image_px: [found.width, found.height],
@@ -276,7 +277,7 @@ impl Geometry {
         })
     }
 
-    /// Draws each photograph of the board with what was found in it.
+    /// Draws the detected corners into each photograph of the board.
     fn pictures(&self, folder: &Path, found: &Outcome) -> Result<Vec<PathBuf>, Failure> {
         let Some((boards, board)) = &found.boards else {
             let remedy = "leave --check out, or give a folder of photographs";
@@ -290,7 +291,7 @@ impl Geometry {
 }
 
 impl Light {
-    /// The band of lamp, filter and response, if any is given.
+    /// Spectral band of lamp, filter and response, if any of them is given.
     fn band(&self) -> Result<Option<Band>, Failure> {
         let mut spectra = vec![];
         for path in [&self.filter, &self.response].into_iter().flatten() {
@@ -301,7 +302,7 @@ impl Light {
     }
 }
 
-/// A few lines for a person.
+/// Summary for the terminal.
 fn summary(printed: &Printed<'_>) -> String {
     let mut text = nacre_periods::calibration::summary(printed.geometry, printed.report, printed.band);
     for file in printed.files.iter().take(3) {

@@ -1,16 +1,16 @@
-//! `--highlight`: where the light's mirror image is, or a photograph of it.
+//! `--highlight`: position of the light's mirror image, or a photograph of it.
 
 use crate::commands::values::numbers;
 use nacre_base::{Error, Result};
 use nacre_periods::calibration::{Highlight, find_highlight};
 use std::path::PathBuf;
 
-/// As it is given.
+/// Highlight as given on the command line.
 #[derive(Clone, Debug)]
 pub enum Given {
-    /// Its place.
+    /// Pixel position.
     At(Highlight),
-    /// A photograph of it, in a mirror of which everything else is known.
+    /// Photograph of a mirror with known height and tilt; the highlight is detected in it.
     In(PathBuf, Highlight),
 }
 
@@ -20,7 +20,7 @@ pub fn parse(text: &str) -> std::result::Result<Given, String> {
     if let Some(at) = places(text) {
         return Ok(Given::At(at));
     }
-    // A file's name may have commas too: as much as possible is taken for numbers.
+    // File names may contain commas, so the longest numeric tail that parses is taken as Z or Z,TX,TY.
     let splits = text.match_indices(',').map(|(i, _)| i);
     let named = splits.filter_map(|i| Some((&text[..i], mirror(&text[i + 1..])?))).next();
     let (path, mirror) = named.unwrap_or((text, Highlight { pixel: [0.0; 2], height_mm: 0.0, tilt_deg: [0.0; 2] }));
@@ -43,7 +43,8 @@ fn mirror(text: &str) -> Option<Highlight> {
     all.ok().map(|[z, tx, ty]| Highlight { pixel: [0.0; 2], height_mm: z, tilt_deg: [tx, ty] })
 }
 
-/// All of them in pixels, and how far they may be off: as much as is said, or more where a photograph tells less.
+/// Pixel positions of all highlights, and their standard deviation in pixels: `sigma_px`, or that of a detected
+/// highlight if larger.
 ///
 /// # Errors
 /// `Input` for photographs without a highlight.

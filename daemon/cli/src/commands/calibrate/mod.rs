@@ -9,18 +9,18 @@ use crate::console::Console;
 use clap::Subcommand;
 use nacre_capture::Failure;
 
-/// What to measure of a bench.
+/// Calibrations of a bench.
 #[derive(Subcommand)]
 pub enum Calibrate {
-    /// Camera, sample, panel, light and wavelength: a geometry.json.
+    /// Measure camera, sample, panel, light and wavelength; writes a geometry.json.
     Geometry(Box<geometry::Geometry>),
-    /// A chessboard to print or to show on the panel.
+    /// Draw a chessboard to print or to show on the panel.
     Board(board::BoardPicture),
-    /// The panel's tone curve, and whether a pattern is there when the panel says so, as the camera sees them.
+    /// Measure the panel's tone curve with the camera, and check that patterns appear when reported.
     Panel(panel::Panel),
 }
 
-/// Runs it.
+/// Runs the selected command.
 pub fn run(command: &Calibrate, console: &Console) -> Result<(), Failure> {
     match command {
         Calibrate::Geometry(args) => args.run(console),
@@ -29,7 +29,7 @@ pub fn run(command: &Calibrate, console: &Console) -> Result<(), Failure> {
     }
 }
 
-/// Inner corners of a board, `9x6`.
+/// Parses the inner corners of a board, `9x6`.
 fn shape(text: &str) -> Result<[usize; 2], String> {
     let wrong = || format!("{text:?} is no board; give its inner corners, such as 9x6");
     let (columns, rows) = text.split_once(['x', '×']).ok_or_else(wrong)?;

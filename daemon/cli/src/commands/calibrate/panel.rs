@@ -18,19 +18,19 @@ Examples:
   nacre calibrate panel --sim --out panel.json
   nacre calibrate panel --config nacre.toml --levels 52 --out panel.json
 
-Shows even levels from black to white and back, and changes between the two. Let the camera see something that the panel lights,
-best white paper in the sample's place, and keep other light away; the camera must be linear (`nacre init` measures that).
-Prints the lines for nacre.toml and for plans.")]
+Shows uniform grey levels from black to white and back, then switches between black and white. Put white paper in the
+place of the sample, so that the camera sees the panel's light, and exclude other light. The camera must be linear
+(`nacre init` measures that). Prints the settings for nacre.toml and for plans.")]
 pub struct Panel {
     #[command(flatten)]
     bench: BenchArgs,
-    /// Levels that are measured: 6, 16, 18, 52 or 86, whose codes are whole numbers.
+    /// Number of grey levels: 6, 16, 18, 52 or 86, whose codes are integers.
     #[arg(long, default_value_t = 16, value_parser = levels)]
     levels: usize,
-    /// What was found (JSON).
+    /// Measured tone curve and timing (JSON).
     #[arg(long, value_name = "FILE.json")]
     out: PathBuf,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }
@@ -41,7 +41,7 @@ fn levels(text: &str) -> Result<usize, String> {
 }
 
 impl Panel {
-    /// Measures and writes it.
+    /// Measures tone curve and timing, and writes them.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         vacant(std::slice::from_ref(&self.out), self.force)?;
         let place = self.bench.place()?;

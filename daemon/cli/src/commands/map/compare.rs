@@ -18,26 +18,26 @@ Examples:
   nacre map compare flash spots polarization --out compared
   nacre map compare truth result --unaligned --out compared
 
-The others are brought to the first one's pixel size (pixel_um of the files), laid where they are most like it, and compared
-where both know something. Writes compared.png, all side by side in the same colours, and report.json.")]
+Maps are resampled to the pixel size of the first (pixel_um of the files), registered to it, and compared where both are
+defined. Writes compared.png (all maps side by side on one colour scale) and report.json.")]
 pub struct Compare {
-    /// Folders with orientation.exr, period.exr or both, or these files; the first is what the others are compared with.
+    /// Folders with orientation.exr, period.exr or both, or single maps. The first is the reference.
     #[arg(required = true, num_args = 2..)]
     inputs: Vec<PathBuf>,
     /// Folder for the results.
     #[arg(long)]
     out: PathBuf,
-    /// Leave them where they are: their upper left corners are one place.
+    /// Skip registration: the maps share their upper left corner.
     #[arg(long)]
     unaligned: bool,
     #[command(flatten)]
     pictures: PictureArgs,
-    /// Replace files that are already in the folder.
+    /// Replace existing files in the folder.
     #[arg(long)]
     force: bool,
 }
 
-/// What is written.
+/// JSON report.
 #[derive(Serialize)]
 struct Report<'a> {
     inputs: &'a [PathBuf],

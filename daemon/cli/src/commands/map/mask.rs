@@ -15,18 +15,19 @@ Examples:
   nacre map mask flash.jpg --out stripes
   nacre map mask flash.jpg --threshold 0.4 --out stripes
 
-Takes a photograph of the sample under a flash. Writes mask.png (white where the sample diffracts), which `coverage` of a scene's material
-takes, and report.json. A scene may also name the photograph itself: coverage = { photograph = \"flash.jpg\" }.")]
+Writes mask.png (white where the sample diffracts) and report.json. The mask serves as `coverage` of a material in a scene.
+A scene may also name the photograph itself: coverage = { photograph = \"flash.jpg\" }.")]
 pub struct Mask {
-    /// The photograph.
+    /// Photograph of the sample under a flash.
     photograph: PathBuf,
     /// Folder for the mask.
     #[arg(long)]
     out: PathBuf,
-    /// Brightness from which the sample diffracts: 0 to 1 of the largest code, or the value of an EXR [default: where bright and dark pixels differ most].
+    /// Brightness threshold: 0 to 1 of the largest code, or an EXR value [default: the value that best separates bright
+    /// and dark pixels].
     #[arg(long, value_name = "T")]
     threshold: Option<f64>,
-    /// Replace files that are already in the folder.
+    /// Replace existing files in the folder.
     #[arg(long)]
     force: bool,
 }

@@ -13,18 +13,18 @@ use nacre_maps::{About, Edits, Encoding, Maps, export, import};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// What to do with maps of orientation and period.
+/// Commands on maps of orientation and period.
 #[derive(Subcommand)]
 pub enum MapCommand {
-    /// Edit them: rotation, copies, other sizes, periods that follow orientations.
+    /// Edit maps: rotate, tile, resize, or derive periods from orientations.
     Edit(Whole<Edits>),
-    /// Write them as 16-bit PNGs with a short description.
+    /// Export maps as 16-bit PNGs with a JSON description.
     Export(Export),
-    /// Read such a folder back.
+    /// Import an exported folder.
     Import(Import),
-    /// Lay maps of one sample by several methods over each other, and say how they agree.
+    /// Compare maps of one sample from several methods, after registration.
     Compare(compare::Compare),
-    /// Which part of a sample diffracts: what a photograph under a flash shows bright.
+    /// Segment the diffracting part of a sample from a photograph under a flash.
     Mask(mask::Mask),
 }
 
@@ -35,18 +35,18 @@ Examples:
   nacre map export result --out pack
   nacre map export result --encoding linear --out pack
 
-exact writes two PNGs per channel, the upper and the lower half of each value's bits, and loses nothing. linear writes one, rounded to
-65535 steps. maps.json says which files there are and how to read them.")]
+exact is lossless: two PNGs per channel hold the upper and the lower half of each value's bits. linear writes one PNG per
+channel, rounded to 65535 steps. maps.json lists the files and their encoding.")]
 pub struct Export {
-    /// Folder with orientation.exr, period.exr or both, or one of the files.
+    /// Folder with orientation.exr, period.exr or both, or a single map.
     input: PathBuf,
     /// Folder for the PNGs.
     #[arg(long)]
     out: PathBuf,
-    /// How values become samples.
+    /// Encoding of values as 16-bit samples.
     #[arg(long, default_value = "exact")]
     encoding: EncodingName,
-    /// Replace files that are already in the folder.
+    /// Replace existing files in the folder.
     #[arg(long)]
     force: bool,
 }
@@ -66,12 +66,12 @@ pub struct Import {
     /// Folder for the maps.
     #[arg(long)]
     out: PathBuf,
-    /// Replace files that are already in the folder.
+    /// Replace existing files in the folder.
     #[arg(long)]
     force: bool,
 }
 
-/// Runs it.
+/// Runs the selected command.
 pub fn run(command: &MapCommand, console: &Console) -> Result<(), Failure> {
     match command {
         MapCommand::Edit(args) => args.run(console),

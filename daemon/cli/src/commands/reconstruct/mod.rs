@@ -12,7 +12,7 @@ pub enum Reconstruct {
     Derived(Derived),
 }
 
-/// Runs one.
+/// Runs the selected operation.
 pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
     let Reconstruct::Derived(args) = command;
     args.run(console)

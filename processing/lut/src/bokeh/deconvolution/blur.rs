@@ -1,4 +1,4 @@
-//! Blurring with a point spread function, by the way that suits it, and what is done with the blurred rows.
+//! Convolution with a point spread function, separable or general, and operations on the convolved rows.
 
 use super::kernel::{Rows, Scratch, convolve};
 use super::plane::Plane;
@@ -7,25 +7,25 @@ use nacre_image::Convolution;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// A point spread function, ready for images of one size.
+/// A point spread function prepared for images of one size.
 pub(super) enum Blur {
     Separable(Vec<f32>),
     Any(Box<Convolution>),
 }
 
-/// Sums over an image that fall off while its rows are written.
+/// Sums over an image, accumulated while its rows are written.
 pub(super) type Sums = [f64; 2];
 
-/// What makes something of blurred rows, and is done with a number of them.
+/// An operation on a range of convolved rows.
 pub(super) trait Work: Rows + Send {
-    /// The rows it wants.
+    /// Range of rows that the operation needs.
     fn rows(&self) -> Range<usize>;
-    /// What it summed up.
+    /// Accumulated sums.
     fn sums(&self) -> Sums;
 }
 
 impl Blur {
-    /// For images of `size` (width, height).
+    /// Prepares for images of `size` (width, height).
     pub(super) fn new(psf: &Psf, size: [usize; 2]) -> Self {
         match &psf.0 {
             Shape::Separable(half) => Self::Separable(half.clone()),
@@ -35,7 +35,7 @@ impl Blur {
         }
     }
 
-    /// Zeros that an image needs around it.
+    /// Zero padding that an image needs on every side, in pixels.
     pub(super) fn zeros(&self) -> usize {
         match self {
             Self::Separable(half) => half.len() - 1,
@@ -43,8 +43,9 @@ impl Blur {
         }
     }
 
-    /// Blurs `input` (`adjoint`: with the mirrored function) and gives each its rows; the sums of all, in the order of rows
-    /// whatever the number of threads.
+    /// Convolves `input` with the point spread function (`adjoint`: with the mirrored one) and passes each operation
+    /// its rows. Returns the sums of all operations, added in row order, so that the result does not depend on the
+    /// number of threads.
     pub(super) fn apply<W: Work>(
         &self,
         input: &Plane,

@@ -1,40 +1,39 @@
-//! Convolution with a separable, symmetric kernel; compiled for the vectors of old and of new processors, which are told
-//! apart when the program runs.
+//! Convolution with a separable, symmetric kernel, compiled for several vector widths and dispatched at run time.
 //!
-//! Taps at equal distances share their multiplication. Columns come first: two rows at a time, so that what one of them has
-//! loaded serves the other, too; their results lie in a scratch buffer that stays in the cache until the rows are done.
+//! Taps at equal distances share one multiplication. Columns are convolved first, two rows at a time, because both rows
+//! load mostly the same values. The results stay in a scratch buffer in the cache until the row convolution.
 
 use super::plane::{BAND, GROUP, Plane};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// Columns of a strip in which one row after the other is computed: as many rows of it as there are taps fit in the first cache.
+/// Width of a strip in columns: as many of its rows as there are taps fit into the first-level cache.
 const STRIP: usize = 128;
 
-/// Vectors in which rows and columns are computed.
+/// Number of vectors computed together along rows and along columns.
 const ALONG_ROWS: usize = 4;
 const ALONG_COLUMNS: usize = 2;
 
-/// Rows that are computed at a time along the columns.
+/// Number of rows computed together along the columns.
 const PAIR: usize = 2;
 
-/// What is done with each row of the convolved image while it is in the cache.
+/// Processing of each convolved row while it is in the cache.
 pub(super) trait Rows {
-    /// Row `y`, which was convolved.
+    /// Processes the convolved row `y`.
     fn row(&mut self, y: usize, convolved: &[f32]);
 }
 
-/// Memory of one thread.
+/// Buffers of one thread.
 #[derive(Default)]
 pub(super) struct Scratch {
-    /// Rows that are convolved along the columns, with zeros around.
+    /// Rows convolved along the columns, with zero padding.
     columns: Vec<f32>,
-    /// A row that is convolved along both.
+    /// One row convolved along both axes.
     row: Vec<f32>,
 }
 
-/// Convolves the rows `rows` of `input` with `half` (the middle and one side of the kernel) along both axes and hands them to
-/// `each`. There must be as many zeros around `input` as `half` has taps but for the middle.
+/// Convolves the rows `rows` of `input` with `half` (the centre and one side of the kernel) along both axes and passes
+/// them to `each`. `input` needs at least `half.len() - 1` zeros of padding on every side.
 pub(super) fn convolve<R: Rows>(input: &Plane, half: &[f32], rows: Range<usize>, scratch: &mut Scratch, each: &mut R) {
     Arch::new().dispatch(Convolve { input, half, rows, scratch, each });
 }
@@ -64,7 +63,7 @@ impl<R: Rows> WithSimd for Convolve<'_, R> {
             for y in rows.clone().step_by(PAIR) {
                 let (from, to) = (input.start(y), (y - rows.start) * stride + left);
                 for x in (strip..end).step_by(n) {
-                    // A row below the last one is computed from zeros and left.
+                    // The partner of the last row is computed from padding and discarded.
                     let [upper, lower] = pair::<S, ALONG_COLUMNS>(simd, &input.values, from + x, stride, half);
                     put::<S, ALONG_COLUMNS>(&mut columns[to + x..], upper);
                     put::<S, ALONG_COLUMNS>(&mut columns[to + stride + x..], lower);
@@ -82,7 +81,7 @@ impl<R: Rows> WithSimd for Convolve<'_, R> {
     }
 }
 
-/// `N` vectors from a position on.
+/// Loads `N` vectors from a position on.
 #[inline(always)]
 fn get<S: Simd, const N: usize>(values: &[f32], at: usize) -> [S::f32s; N] {
     let vectors = S::as_simd_f32s(&values[at..at + N * S::F32_LANES]).0;
@@ -94,7 +93,7 @@ fn put<S: Simd, const N: usize>(to: &mut [f32], vectors: [S::f32s; N]) {
     S::as_mut_simd_f32s(&mut to[..N * S::F32_LANES]).0.copy_from_slice(&vectors);
 }
 
-/// Along a row.
+/// Convolution along a row.
 #[inline(always)]
 fn one<S: Simd, const N: usize>(simd: S, values: &[f32], at: usize, half: &[f32]) -> [S::f32s; N] {
     let middle = simd.splat_f32s(half[0]);
@@ -109,7 +108,8 @@ fn one<S: Simd, const N: usize>(simd: S, values: &[f32], at: usize, half: &[f32]
     sums
 }
 
-/// Along columns, for two rows that lie over each other. What is `k - 1` above the upper one is `k` above the lower one.
+/// Convolution along columns for two adjacent rows. The value `k - 1` above the upper row is `k` above the lower one,
+/// so both share the load.
 #[inline(always)]
 fn pair<S: Simd, const N: usize>(simd: S, values: &[f32], at: usize, step: usize, half: &[f32]) -> [[S::f32s; N]; 2] {
     let middle = simd.splat_f32s(half[0]);

@@ -1,12 +1,13 @@
 //! Richardson-Lucy deconvolution (Richardson 1972, Lucy 1974).
 //!
-//! An estimate is blurred, the photograph divided by that, the ratio blurred with the mirrored point spread function, and the
-//! estimate multiplied by it: light stays positive, and in each step the estimate becomes likelier where the noise is that of
-//! counted photons. [`Deconvolution`] does one iteration at a time; [`deconvolve`] all of them and stops in time.
+//! Each iteration blurs the estimate, divides the photograph by it, blurs the ratio with the mirrored point spread
+//! function, and multiplies the estimate by the result. The estimate stays positive, and its likelihood under Poisson
+//! noise rises in each step. [`Deconvolution`] performs single iterations; [`deconvolve`] iterates with a stopping
+//! rule.
 //!
-//! What lies beyond the edges was not measured, which is not the same as nothing: the estimate reaches as far as the point
-//! spread function does beyond the photograph, and the ratio is divided by how much of a pixel's light fell into the photograph
-//! (Bertero and Boccacci 2005). Pixels that are not known (NaN) are treated alike. [`Edges::Zero`] is the textbook's way.
+//! Light beyond the edges is unknown, not zero. The estimate therefore extends beyond the photograph by the radius of
+//! the point spread function. The ratio is divided by the fraction of each pixel's light inside the photograph (Bertero
+//! and Boccacci 2005). Unknown pixels (NaN) are treated alike. [`Edges::Zero`] is the textbook method.
 
 mod blur;
 mod kernel;
@@ -29,16 +30,16 @@ use std::ops::Range;
 use steps::{Inverse, Leap, Ratio, Update, Weights};
 use stop::Freedom;
 
-/// Most pixels that are deconvolved; eight planes of them are in memory.
+/// Maximum number of pixels; eight planes of this size are in memory.
 pub const MAX_PIXELS: usize = 64 << 20;
 
-/// An extrapolation takes no light below this share of what it is, since what is almost nothing only grows slowly.
+/// Lower bound of an extrapolated pixel relative to its current value, because a pixel near zero recovers only slowly.
 const KEPT: f32 = 0.1;
 
-/// What was measured is taken for at least this share of the mean.
+/// Lower bound of measured light relative to the mean.
 const LEAST: f64 = 1e-12;
 
-/// Light to be deconvolved, row 0 on top; NaN where it is not known.
+/// Light to deconvolve, top row first; NaN where unknown.
 #[derive(Clone, Copy, Debug)]
 pub struct Image<'a> {
     /// Pixels per row.
@@ -49,33 +50,33 @@ pub struct Image<'a> {
     pub light: &'a [f32],
 }
 
-/// What lies beyond the edges.
+/// Treatment of light beyond the edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Edges {
-    /// Something that was not measured.
+    /// Unmeasured light.
     #[default]
     Unknown,
-    /// Nothing: the textbook's choice, which darkens what is near to an edge and lets it ring.
+    /// Zero, as in textbooks; darkens the image near the edges and causes ringing there.
     Zero,
 }
 
-/// Variance of a pixel, `shot · light + floor`.
+/// Variance of a pixel's light: `shot · light + floor`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// Variance per unit of light.
     pub shot: f64,
-    /// Variance in the dark.
+    /// Variance at zero light.
     pub floor: f64,
 }
 
-/// How it is done.
+/// Variant of the algorithm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Method {
-    /// What lies beyond the edges.
+    /// Treatment of light beyond the edges.
     pub edges: Edges,
-    /// Each iteration starts from a point that is extrapolated from the last two (Biggs and Andrews 1997).
+    /// Vector extrapolation from the last two estimates before each iteration (Biggs and Andrews 1997).
     pub accelerate: bool,
-    /// Light to start with everywhere; none for the mean.
+    /// Uniform initial estimate; `None` selects the mean light.
     pub start: Option<f32>,
 }
 
@@ -86,25 +87,25 @@ impl Default for Method {
 }
 
 impl Method {
-    /// As scikit-image's `richardson_lucy` does it with `clip=False`.
+    /// The variant of scikit-image's `richardson_lucy` with `clip=False`.
     pub fn textbook() -> Self {
         Self { edges: Edges::Zero, accelerate: false, start: Some(0.5) }
     }
 }
 
-/// A deconvolution under way.
+/// State of a deconvolution.
 pub struct Deconvolution {
     blur: Blur,
-    /// Pixels by which the estimate reaches beyond the photograph.
+    /// Horizontal and vertical extension of the estimate beyond the photograph, in pixels.
     margin: [usize; 2],
     size: [usize; 2],
-    /// Columns and rows whose misfits count: what is blurred from beyond the edges can be anything, so that misfits there are smaller
-    /// than freedom that was spent says.
+    /// Columns and rows whose residuals enter the misfit. Light from beyond the edges is free and fits residuals near
+    /// them, which would bias the misfit below its expectation.
     counted: [Range<usize>; 2],
-    /// Pixels that are known among them.
+    /// Number of known pixels among them.
     known: usize,
     weights: Weights,
-    /// Light with the shift of [`Weights`], 0 where it is not known.
+    /// Light plus the shift of [`Weights`]; 0 where unknown.
     measured: Plane,
     ratio: Plane,
     gain: Option<Plane>,
@@ -114,30 +115,33 @@ pub struct Deconvolution {
     iterations: usize,
 }
 
-/// How far the blurred estimate is from the photograph.
+/// Misfit between the blurred estimate and the photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Misfit {
-    /// Mean of the squares over their variances: 1 where it is the noise's and nothing was fitted yet, 0 where no noise was given.
+    /// Mean of squared residual over variance (reduced χ²): 1 for pure noise before any fit; 0 without a noise model.
     pub found: f64,
-    /// What noise leaves of that: the share of the degrees of freedom that were not spent.
+    /// Expected value of `found` for pure noise: the fraction of degrees of freedom not yet used.
     pub expected: f64,
-    /// Squared error that another photograph is expected to be predicted with, over the mean variance and but for a constant (Mallows 1973).
+    /// Expected squared error in predicting another photograph, in units of the mean variance, up to a constant
+    /// (Mallows 1973).
     pub cost: f64,
 }
 
-/// What acceleration remembers.
+/// State of the acceleration.
 struct Leaps {
-    /// The last two estimates; [`Deconvolution::estimate`] is the point that was extrapolated from them.
+    /// The last two estimates; [`Deconvolution::estimate`] is the point extrapolated from them.
     now: Plane,
     before: Plane,
     step: Plane,
 }
 
 impl Deconvolution {
-    /// Begins; `noise` also makes dark pixels count by what they are worth.
+    /// Starts a deconvolution. `noise` adds signal-independent noise to the Poisson model, so that dark pixels get
+    /// their correct weight.
     ///
     /// # Errors
-    /// `Input` for an image that is too small, too large, black or nowhere known, and a point spread function that is larger than it.
+    /// `Input` for an image that is too small, too large, black or entirely unknown, and for a point spread function
+    /// larger than the image.
     pub fn new(image: &Image, psf: &Psf, noise: Option<Noise>, method: &Method) -> Result<Self> {
         let [right, up] = psf.reach();
         let (width, height) = (image.width, image.height);
@@ -157,7 +161,7 @@ impl Deconvolution {
         for y in 0..height {
             let row = &image.light[y * width..][..width];
             let target = measured.row_mut(y + margin[1])[margin[0]..].iter_mut().zip(row);
-            // Noise may take light below what can be, but a 0 says that it is not known.
+            // Noise can drive light below zero, while 0 itself marks unknown pixels.
             target.for_each(|(m, v)| match (v.is_finite(), zero) {
                 (false, _) => *m = 0.0,
                 (true, true) => *m = *v,
@@ -204,7 +208,7 @@ impl Deconvolution {
         })
     }
 
-    /// Blurs the estimate and compares it with the photograph.
+    /// Blurs the estimate and computes the misfit.
     pub fn compare(&mut self) -> Misfit {
         let (measured, weights, counted) = (&self.measured, self.weights, &self.counted);
         let works = self.ratio.bands().map(|out| Ratio { measured, out, weights, counted, misfit: [0.0; 2] });
@@ -213,7 +217,7 @@ impl Deconvolution {
         Misfit { found: weighted, expected, cost: plain / self.freedom.variance() - 2.0 * unspent }
     }
 
-    /// Improves the estimate, by what the last [`Self::compare`] found.
+    /// Updates the estimate with the ratio from the last [`Self::compare`].
     pub fn update(&mut self) {
         let gain = self.gain.as_ref();
         self.iterations += 1;
@@ -227,7 +231,7 @@ impl Deconvolution {
         let bands = now.bands().zip(step.bands());
         let works = bands.map(|(to, step)| Leap { from, gain, to, step, products: [0.0; 2] });
         let [across, square] = self.blur.apply(&self.ratio, true, works);
-        // The first step has none before it.
+        // The first step has no predecessor to extrapolate from.
         let far = if square > 0.0 { (across / square).clamp(0.0, 1.0) as f32 } else { 0.0 };
         let (now, before) = (&*now, &*before);
         self.estimate.bands().for_each(|mut band| {
@@ -240,12 +244,12 @@ impl Deconvolution {
         self.freedom.spend(far.into());
     }
 
-    /// Iterations that were done.
+    /// Number of completed iterations.
     pub fn iterations(&self) -> usize {
         self.iterations
     }
 
-    /// What [`Self::compare`] blurs, as large as the photograph.
+    /// Current estimate, cropped to the size of the photograph.
     pub fn light(&self) -> Vec<f32> {
         let [x, y] = self.margin;
         let rows = (0..self.size[1]).flat_map(|row| &self.estimate.row(row + y)[x..x + self.size[0]]);
@@ -253,14 +257,14 @@ impl Deconvolution {
     }
 }
 
-/// Places along an axis whose misfits count: `length` from `start` on, but for what the point spread function reaches of it from
-/// either end, or an eighth of it.
+/// Positions along an axis whose residuals enter the misfit: `length` from `start` on, without a border at both ends.
+/// The border is as wide as the point spread function's reach, but at most an eighth of the length.
 fn inner((length, start, reach): (usize, usize, usize)) -> Range<usize> {
     let edge = reach.min(length / 8);
     start + edge..start + length - edge
 }
 
-/// Refuses what cannot be deconvolved; the number of known pixels and their mean.
+/// Rejects invalid input; returns the number of known pixels and their mean.
 fn check(image: &Image, psf: &Psf) -> Result<(usize, f64)> {
     let (width, height) = (image.width, image.height);
     let bad = |problem: String, remedy: &str| Err(Error::input("photograph", problem, remedy));
@@ -292,7 +296,8 @@ fn check(image: &Image, psf: &Psf) -> Result<(usize, f64)> {
     Ok((known, mean))
 }
 
-/// The shift makes the variance grow in proportion, as that of photons does, as far as it is not larger than the light.
+/// Weights of the noise model. The shift makes the variance proportional to shifted light, as for photons; it does not
+/// exceed the mean light.
 fn weights(noise: Option<Noise>, mean: f64) -> Weights {
     let Some(Noise { shot, floor }) = noise else { return Weights::default() };
     let shift = if shot > 0.0 { (floor / shot).min(mean) } else { 0.0 };
@@ -300,7 +305,7 @@ fn weights(noise: Option<Noise>, mean: f64) -> Weights {
     Weights { shift: shift as f32, slope: shot as f32, rest: rest as f32 }
 }
 
-/// One over how much of each pixel's light was measured.
+/// Reciprocal of the measured fraction of each pixel's light.
 fn gain(blur: &Blur, measured: &Plane, mut out: Plane) -> Plane {
     let mut mask = out.clone();
     for y in 0..mask.height {

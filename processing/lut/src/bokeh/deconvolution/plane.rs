@@ -1,53 +1,53 @@
-//! An image with zeros around it, so that the inner loops of a convolution need not know where it ends.
+//! An image with zero padding, so that the inner loops of a convolution need no bounds handling.
 
 use rayon::prelude::*;
 
-/// Rows that one thread works on at a time: with what lies around them they stay in its own cache.
+/// Rows per thread and task: with their neighbourhood they fit into the thread's own cache.
 pub(super) const BAND: usize = 32;
 
-/// Columns are computed in groups of so many, the last of them over the zeros to the right of the image.
+/// Columns are computed in groups of this size; the last group extends into the padding on the right.
 pub(super) const GROUP: usize = 32;
 
-/// `width · height` values, row 0 on top, with at least `radius` zeros on every side.
+/// `width · height` values, top row first, with at least `radius` zeros on every side.
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
     pub width: usize,
     pub height: usize,
     /// Zeros to the left of a row.
     left: usize,
-    /// Rows of zeros on top.
+    /// Rows of zeros at the top.
     above: usize,
-    /// Distance of two rows.
+    /// Distance of adjacent rows in values.
     pub stride: usize,
     pub values: Vec<f32>,
 }
 
 impl Plane {
-    /// Zeros.
+    /// Creates a plane of zeros.
     pub(super) fn new(width: usize, height: usize, radius: usize) -> Self {
         let left = radius.next_multiple_of(16);
         let mut stride = width.next_multiple_of(GROUP) + 2 * left;
-        // Rows a multiple of 1 KiB apart would fall into a few sets of the first cache and drive each other out.
+        // A row distance that is a multiple of 1 KiB would map all rows to a few cache sets.
         if stride.is_multiple_of(256) {
             stride += GROUP;
         }
-        // The last row has a partner below it, and its last group ends right of its zeros.
+        // The last row has a partner below it, and its last group ends right of its padding.
         let length = stride * (height + 2 * radius + 1) + GROUP;
         Self { width, height, left, above: radius, stride, values: vec![0.0; length] }
     }
 
-    /// Position of the first value of a row.
+    /// Index of a row's first value.
     pub(super) fn start(&self, y: usize) -> usize {
         (y + self.above) * self.stride + self.left
     }
 
-    /// A row without its zeros.
+    /// A row without its padding.
     pub(super) fn row(&self, y: usize) -> &[f32] {
         let start = self.start(y);
         &self.values[start..start + self.width]
     }
 
-    /// A row without its zeros.
+    /// A row without its padding.
     pub(super) fn row_mut(&mut self, y: usize) -> &mut [f32] {
         let start = self.start(y);
         &mut self.values[start..start + self.width]
@@ -62,9 +62,9 @@ impl Plane {
     }
 }
 
-/// Some rows of a plane, to be written.
+/// Writable rows of a plane.
 pub(super) struct Band<'a> {
-    /// Number of its first row in the plane.
+    /// Index of the band's first row in the plane.
     pub first: usize,
     width: usize,
     stride: usize,
@@ -73,12 +73,12 @@ pub(super) struct Band<'a> {
 }
 
 impl Band<'_> {
-    /// Number of its rows.
+    /// Number of rows.
     pub(super) fn rows(&self) -> usize {
         self.values.len() / self.stride
     }
 
-    /// A row by its number in the plane.
+    /// A row by its index in the plane.
     #[inline(always)]
     pub(super) fn row(&mut self, y: usize) -> &mut [f32] {
         let start = (y - self.first) * self.stride + self.left;

@@ -6,26 +6,26 @@ use nacre_image::Raster;
 /// Largest standard deviation of a Gaussian, in pixels.
 pub const MAX_SIGMA: f64 = 200.0;
 
-/// Longest side of a point spread function that is given as an image, in pixels.
+/// Maximum width and height of a point spread function given as an image, in pixels.
 pub const MAX_PSF_SIDE: usize = 1023;
 
-/// A Gaussian reaches so many standard deviations to each side; 6e-5 of it lies beyond.
+/// Truncation radius of a Gaussian in standard deviations; 6e-5 of its mass lies beyond.
 const REACH: f64 = 4.0;
 
-/// What the lens makes of a point; its sum is 1.
+/// Point spread function of a lens, normalised to a sum of 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Psf(pub(super) Shape);
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Shape {
-    /// The same along rows and columns, and symmetric: its middle and one side.
+    /// Symmetric and equal along rows and columns: centre value and one side.
     Separable(Vec<f32>),
-    /// Any: odd width and height, values row by row.
+    /// Arbitrary: odd width and height, values row by row.
     Any { width: usize, height: usize, values: Vec<f32> },
 }
 
 impl Psf {
-    /// A Gaussian of this standard deviation in pixels, cut off at four of them.
+    /// Gaussian with this standard deviation in pixels, truncated at four standard deviations.
     ///
     /// # Errors
     /// `Input` unless it is above 0 and at most [`MAX_SIGMA`].
@@ -33,7 +33,7 @@ impl Psf {
         Self::gaussian_within(sigma, (REACH * sigma).ceil().max(1.0) as usize)
     }
 
-    /// A Gaussian that is cut off at `radius` pixels from its middle.
+    /// Gaussian truncated at `radius` pixels from its centre.
     ///
     /// # Errors
     /// As [`Self::gaussian`]; for a radius above 1000.
@@ -58,10 +58,10 @@ impl Psf {
         Ok(Self(Shape::Separable(half.into_iter().map(|v| (v / sum) as f32).collect())))
     }
 
-    /// From an image (its first channel) of odd width and height, whose middle pixel is where the point is.
+    /// From the first channel of an image with odd width and height and the point in the middle pixel.
     ///
     /// # Errors
-    /// `Input` for other sizes, for values that are negative or not finite, and where all are 0.
+    /// `Input` for other sizes, for negative or non-finite values, and for an image of zeros.
     pub fn image(raster: &Raster) -> Result<Self> {
         use nacre_image::Samples as S;
         let (width, height, n) = (raster.width, raster.height, raster.channels);
@@ -92,7 +92,7 @@ impl Psf {
         Ok(Self(Shape::Any { width, height, values }))
     }
 
-    /// Pixels that it reaches to the side and upwards from its middle.
+    /// Horizontal and vertical radius in pixels.
     pub fn reach(&self) -> [usize; 2] {
         match &self.0 {
             Shape::Separable(half) => [half.len() - 1; 2],
@@ -100,9 +100,9 @@ impl Psf {
         }
     }
 
-    /// Squared magnitude of its transfer at `n · n` frequencies that stand for all, each as often as the others.
+    /// Squared modulus of the transfer function at `n · n` evenly distributed frequencies of equal weight.
     pub(super) fn power(&self, n: usize) -> Vec<f64> {
-        // Middles of the cells of the half plane fx > 0; the other half is the same.
+        // Centres of cells in the half plane fx > 0; the other half is its mirror image.
         let at = |k: usize, of: f64| std::f64::consts::PI * ((k as f64 + 0.5) / n as f64 * of - (of - 1.0));
         match &self.0 {
             Shape::Separable(half) => {
@@ -116,7 +116,7 @@ impl Psf {
             }
             Shape::Any { width, height, values } => {
                 let middle = [(width / 2) as f64, (height / 2) as f64];
-                // What is faint changes nothing.
+                // Negligible values are skipped for speed.
                 let least = 1e-6 * values.iter().copied().fold(0.0, f32::max);
                 let cell = |i: usize| {
                     let (fx, fy) = (at(i % n, 1.0), at(i / n, 2.0));

@@ -1,4 +1,4 @@
-//! All iterations.
+//! Iteration with a stopping rule.
 
 use super::{Deconvolution, Image, Method, Misfit, Noise, Psf};
 use nacre_base::progress::Progress;
@@ -6,28 +6,28 @@ use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Most iterations.
+/// Maximum number of iterations.
 pub const MAX_ITERATIONS: usize = 10_000;
 
-/// So many iterations are tried after the best one, which may be a local minimum.
+/// Iterations tried beyond the best one so far, since the best may be a local minimum of the cost.
 const PATIENCE: usize = 20;
 
-/// How many iterations.
+/// Number of iterations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Iterations {
-    /// As many as find more structure than noise, at most this number.
+    /// Stops when iterations fit more noise than structure, at the latest after this number.
     #[schemars(extend("x-bare" = 500))]
     Auto(usize),
-    /// So many.
+    /// A fixed number.
     #[schemars(extend("x-nameless" = true))]
     Count(usize),
 }
 
 impl Iterations {
-    /// How many photographs usually take.
+    /// Typical number for a photograph, used to predict computation time.
     pub fn usual(self) -> usize {
-        /// Accelerated iterations until they find noise only, in photographs of gratings.
+        /// Accelerated iterations that photographs of gratings typically need until only noise remains.
         const USUAL: usize = 30;
         match self {
             Self::Count(count) => count,
@@ -37,7 +37,7 @@ impl Iterations {
 }
 
 impl Default for Iterations {
-    /// Accelerated ones have long ended by then.
+    /// Accelerated iterations converge long before this limit.
     fn default() -> Self {
         Self::Auto(500)
     }
@@ -48,21 +48,21 @@ impl Default for Iterations {
 pub struct Deconvolved {
     /// Light, as many values as the photograph has.
     pub light: Vec<f32>,
-    /// Iterations that led to it.
+    /// Number of iterations that led to `light`.
     pub iterations: usize,
-    /// Whether they ended because more would have fitted noise; true for a number that was asked for.
+    /// True if the stopping rule ended the iterations; always true for a fixed number.
     pub converged: bool,
-    /// Mean squared misfit over the variance of the noise, of `light` or, where a number was asked for, before the last iteration; apart
-    /// from the edges.
+    /// Mean squared residual over noise variance, without the edges. For `light`, or for a fixed number of iterations
+    /// before the last one.
     pub misfit: f64,
-    /// What noise alone would leave of it.
+    /// Expected value of `misfit` for pure noise.
     pub expected: f64,
 }
 
 /// Deconvolves a photograph.
 ///
 /// # Errors
-/// `Input` as for [`Deconvolution::new`], and for a number of iterations that makes no sense; `Cancelled`.
+/// `Input` as for [`Deconvolution::new`], and for an invalid number of iterations; `Cancelled`.
 pub fn deconvolve(
     image: &Image,
     psf: &Psf,
@@ -96,7 +96,7 @@ pub fn deconvolve(
     Ok(Deconvolved { light: run.light(), iterations: most, converged: true, misfit, expected })
 }
 
-/// Of the first iterations, at most so many, the one whose estimate is expected to predict another photograph best.
+/// Among at most `most` iterations, returns the estimate with the lowest expected prediction error.
 fn likeliest(run: &mut Deconvolution, most: usize, progress: &dyn Progress) -> Result<Deconvolved> {
     let mut least = f64::INFINITY;
     let mut best = Deconvolved { light: vec![], iterations: 0, converged: false, misfit: 0.0, expected: 0.0 };

@@ -1,33 +1,33 @@
-//! What one iteration does to each row, while it is in the cache.
+//! Operations of one iteration on each row while it is in the cache.
 
 use super::blur::{Sums, Work};
 use super::kernel::Rows;
 use super::plane::{Band, Plane};
 use std::ops::Range;
 
-/// Kept away from a division by 0, as scikit-image does it.
+/// Lower bound of divisors, as in scikit-image.
 const EPSILON: f32 = 1e-12;
 
-/// Sums are kept apart in so many lanes, which become vectors.
+/// Number of independent partial sums, which the compiler vectorises.
 const LANES: usize = 8;
 
-/// How the variance grows with what a pixel should have got, which includes the shift.
+/// Noise variance as a function of expected, shifted light.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Weights {
-    /// Added to light and to what is expected of it (Snyder et al. 1993), so that noise which does not grow with light counts.
+    /// Shift of measured and expected light (Snyder et al. 1993), which represents signal-independent noise.
     pub shift: f32,
     pub slope: f32,
     pub rest: f32,
 }
 
-/// What was measured over what the estimate, blurred, says; 0 where nothing was measured.
+/// Ratio of measured light to the blurred estimate; 0 where unmeasured.
 pub(super) struct Ratio<'a> {
     pub measured: &'a Plane,
     pub out: Band<'a>,
     pub weights: Weights,
-    /// Columns and rows whose misfits are wanted.
+    /// Columns and rows whose residuals enter the misfit.
     pub counted: &'a [Range<usize>; 2],
-    /// Sums of the squared misfits over their variances, and of the squared misfits.
+    /// Sum of squared residuals over variance, and sum of squared residuals.
     pub misfit: Sums,
 }
 
@@ -84,7 +84,7 @@ impl Work for Ratio<'_> {
 /// Multiplies the estimate by the blurred ratio.
 pub(super) struct Update<'a> {
     pub estimate: Band<'a>,
-    /// One over how much of a pixel's light was measured; none where all is taken for measured.
+    /// Reciprocal of the measured fraction of each pixel's light; `None` if all light counts as measured.
     pub gain: Option<&'a Plane>,
 }
 
@@ -112,14 +112,14 @@ impl Work for Update<'_> {
     }
 }
 
-/// The same from a point that was extrapolated, which stays as it is.
+/// Multiplies an extrapolated estimate, which is kept unchanged, by the blurred ratio.
 pub(super) struct Leap<'a> {
     pub from: &'a Plane,
     pub gain: Option<&'a Plane>,
     pub to: Band<'a>,
-    /// The step before, which this one replaces.
+    /// The previous step, which is overwritten with this one.
     pub step: Band<'a>,
-    /// Products of this step with the one before, and of that with itself.
+    /// Scalar product of this step with the previous one, and squared norm of the previous one.
     pub products: Sums,
 }
 
@@ -169,7 +169,7 @@ impl Work for Leap<'_> {
     }
 }
 
-/// One over the blurred, or 0 where less than a hundredth of a pixel's light was measured.
+/// Reciprocal of the blurred value; 0 where less than 1 % of a pixel's light was measured.
 pub(super) struct Inverse<'a>(pub Band<'a>);
 
 impl Rows for Inverse<'_> {

@@ -1,39 +1,42 @@
-//! When to stop: iterations first find structure and then fit the noise.
+//! Stopping rule: iterations first recover structure and then fit noise.
 //!
-//! The discrepancy principle stops where the misfit equals the noise. But an estimate that has followed the noise with part of
-//! its freedom must lie closer to the data than the noise alone, and how much closer is known: were the light even, an iteration
-//! would leave of each frequency of the misfit the share `1 - κ |H|²`, whatever is in it, with `H` the transfer of the point spread
-//! function. The sum of what is left is the number of degrees of freedom that were not spent. The estimate is then expected to
-//! predict another photograph best where `Σ misfit² - 2 · Σ variance · left` is least (Mallows 1973). Iterations go on for a while after
-//! that, since it may fall again, and the best one is taken. It depends on differences of the misfit, so that noise known to a
-//! few per cent is enough. Pixels near to the edges do not count: what lies beyond can be anything and takes up their misfit.
+//! The discrepancy principle stops where the misfit equals the noise. An estimate that has fitted part of the noise
+//! must be closer to the data than that, by a known amount. For uniform light, an iteration scales each frequency of
+//! the residual by `1 - κ |H|²`, with transfer function `H` of the point spread function. The product of these factors
+//! over all iterations, summed over frequencies, is the number of unused degrees of freedom.
+//!
+//! The estimate predicts another photograph best at the minimum of `Σ residual² - 2 · Σ variance · unused` (Mallows
+//! 1973). Iterations continue for a while beyond the minimum, which may be local, and the best estimate is kept. The
+//! rule depends on differences of the misfit, so that a noise model accurate to a few per cent suffices. Pixels near
+//! the edges are excluded: unknown light beyond the edges absorbs their residuals.
 
 use super::steps::Weights;
 
-/// Frequencies along each axis.
+/// Number of frequencies along each axis.
 const FREQUENCIES: usize = 32;
 
-/// Noise that does not grow with light slows an iteration down in the dark, to these shares of its speed.
+/// Relative convergence speeds κ: signal-independent noise slows convergence in dark pixels.
 const SPEEDS: [f64; 6] = [0.02, 0.1, 0.3, 0.6, 0.9, 1.0];
 
-/// What an iteration leaves of the misfit at each frequency.
+/// Remaining fraction of the residual at each frequency.
 type Left = Vec<f64>;
 
-/// Degrees of freedom that were not spent yet.
+/// Unused degrees of freedom.
 pub(super) struct Freedom {
     power: Vec<f64>,
-    /// How much of the photograph, and of its variance, has each speed.
+    /// Fraction of the pixels, and of the summed variance, in each class of speed.
     shares: [[f64; 6]; 2],
     /// Mean variance.
     variance: f64,
-    /// Of the estimate, of the one before, and of the point the next one starts from.
+    /// For the estimate, the previous estimate, and the extrapolated start of the next iteration.
     now: [Left; 6],
     before: [Left; 6],
     start: [Left; 6],
 }
 
 impl Freedom {
-    /// `power` of the point spread function, see [`Psf::power`](super::Psf), and the light of the pixels with the shift.
+    /// `power` is [`Psf::power`](super::Psf) of the point spread function; `shifted` is the light of the pixels
+    /// including the shift.
     pub(super) fn new(power: Vec<f64>, shifted: impl Iterator<Item = f32>, weights: &Weights) -> Self {
         let mut shares = [[0.0; 6]; 2];
         let Weights { shift, slope, rest } = *weights;
@@ -55,7 +58,7 @@ impl Freedom {
         }
     }
 
-    /// Frequencies to ask the point spread function for.
+    /// Number of frequencies per axis to request from the point spread function.
     pub(super) fn frequencies() -> usize {
         FREQUENCIES
     }
@@ -65,14 +68,14 @@ impl Freedom {
         self.variance
     }
 
-    /// Share that the next iteration starts with, of pixels and of variance.
+    /// Unused fraction of degrees of freedom at the start of the next iteration, weighted by pixels and by variance.
     pub(super) fn left(&self) -> [f64; 2] {
         let mean = |left: &Left| left.iter().sum::<f64>() / left.len().max(1) as f64;
         let means = self.start.each_ref().map(mean);
         self.shares.map(|shares| shares.iter().zip(means).map(|(share, left)| share * left).sum())
     }
 
-    /// An iteration, followed by an extrapolation so many times as far as the estimate went.
+    /// Accounts for one iteration, followed by an extrapolation by `extrapolation` times the last step.
     pub(super) fn spend(&mut self, extrapolation: f64) {
         for (k, speed) in SPEEDS.iter().enumerate() {
             let next =

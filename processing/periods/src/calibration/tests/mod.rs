@@ -25,7 +25,7 @@ fn webcam() -> Camera {
     Camera { focal_px: [620.0, 615.0], center_px: [326.0, 236.0], distortion: [-0.22, 0.08, 0.0012, -0.0008, -0.02] }
 }
 
-/// Straight above, and turned about the camera's axes.
+/// Pose straight above, rotated about the camera's axes.
 fn above(turn: [f64; 3], at: [f64; 3]) -> Pose {
     Pose::from_rotation_vector([PI, 0.0, 0.0], [0.0; 3]).then(&Pose::from_rotation_vector(turn, at))
 }
@@ -48,14 +48,14 @@ fn thirteen_real_photographs_are_explained_to_0_42_px() {
     assert!(found.unused.is_empty(), "{:?}", found.unused);
     assert_eq!(found.used.len(), 13);
     assert!(found.rms_px <= 0.2, "{}", found.rms_px);
-    // OpenCV 5.0 with corners refined in windows of 11 px: 0.195 px RMS, and these.
+    // OpenCV 5.0 with corners refined in windows of 11 px: these values, and 0.195 px RMS.
     let peer = [532.83, 532.95, 342.49, 233.86, -0.2809];
     let c = &found.camera;
     let own = [c.focal_px[0], c.focal_px[1], c.center_px[0], c.center_px[1], c.distortion[0]];
     for k in 0..5 {
         assert!((own[k] - peer[k]).abs() < 2.0 * found.sigma[k], "{k}: {} ± {}, {}", own[k], found.sigma[k], peer[k]);
     }
-    // Another board is not seen in them.
+    // No other board is detected in them.
     let other = calibrate(&folder, &Board { columns: 8, rows: 5, ..BOARD }, &Silent).unwrap_err().to_string();
     assert!(other.contains("more than 8 × 5") && other.contains("left01.jpg"), "{other}");
     let other = calibrate(&folder, &Board { columns: 10, rows: 7, ..BOARD }, &Silent).unwrap_err().to_string();
@@ -77,7 +77,7 @@ fn a_known_camera_is_found_within_its_uncertainty() {
         .enumerate()
         .map(|(k, pose)| {
             let corners = find(&shot(&camera, pose, &BOARD, k as u64), &BOARD, View::Direct).unwrap();
-            // Each corner against the truth, which is projected in closed form.
+            // Compares each corner with the truth, projected in closed form.
             for (corner, place) in corners.iter().zip(BOARD.places()) {
                 let truth = camera.project(pose.apply([place[0], place[1], 0.0])).unwrap();
                 let off = (corner[0] - truth[0]).hypot(corner[1] - truth[1]);
@@ -105,13 +105,13 @@ fn a_known_camera_is_found_within_its_uncertainty() {
 #[test]
 fn what_does_not_tell_a_camera_is_refused() {
     let camera = Camera { distortion: [0.0; 5], ..webcam() };
-    // Straight on from everywhere: distance and focal length cannot be told apart.
+    // Frontal views only: distance and focal length are degenerate.
     let flat: Vec<(PathBuf, Vec<[f64; 2]>)> = (0..6)
         .map(|k| {
             let pose = above([0.0; 3], [10.0 * f64::from(k), 0.0, 400.0 + 20.0 * f64::from(k)]);
             let project = |p: [f64; 2]| {
                 let seen = camera.project(pose.apply([p[0], p[1], 0.0])).unwrap();
-                // A little noise, without which the fit would be perfect.
+                // Slight noise, without which the fit would be perfect.
                 [seen[0] + 0.05 * (p[0] * 7.0 + f64::from(k)).sin(), seen[1] + 0.05 * (p[1] * 5.0).cos()]
             };
             (PathBuf::from("a.png"), BOARD.places().into_iter().map(project).collect())
@@ -138,7 +138,7 @@ fn pictures_without_the_board_say_so() {
     assert!(find(&smaller, &BOARD, View::Direct).unwrap_err().contains("7 × 6"));
     let larger = shots(&Board { columns: 10, rows: 6, square_mm: 20.0 });
     assert!(find(&larger, &BOARD, View::Direct).unwrap_err().contains("more than 9 × 6"));
-    // Stripes have edges and no corners.
+    // Stripes have edges but no corners.
     let stripes =
         Gray { values: (0..320 * 240).map(|i| f32::from(u8::from(i % 320 % 20 < 10)) * 99.0).collect(), ..none };
     assert!(find(&stripes, &BOARD, View::Direct).is_err());
@@ -157,7 +157,7 @@ fn half_a_turn_of_a_board_is_seen() {
 #[test]
 fn a_sample_under_a_board_and_by_its_corners_is_placed() {
     let camera = webcam();
-    // A board of 2 mm on a sample that is turned by 8° in the picture.
+    // A board 2 mm thick on a sample rotated by 8° in the picture.
     let truth = above([0.2, -0.15, 0.14], [12.0, -7.0, 480.0]);
     let on_top = Pose { translation_mm: [0.0, 0.0, 2.0], ..Pose::IDENTITY }.then(&truth);
     let corners = find(&shot(&camera, &on_top, &BOARD, 9), &BOARD, View::Direct).unwrap();
@@ -173,7 +173,7 @@ fn a_sample_under_a_board_and_by_its_corners_is_placed() {
     };
     near(&placed, 4.0);
     assert!(placed.sigma[5] < 0.2, "{:?}", placed.sigma);
-    // Corners that are half a pixel off, one way and the other.
+    // Corners displaced by half a pixel in alternating directions.
     let [w, h] = [60.0, 40.0];
     let off = [[0.4, -0.3], [-0.3, 0.4], [0.3, 0.3], [-0.4, -0.2]];
     let seen = |k: usize| {
@@ -194,7 +194,7 @@ fn a_sample_under_a_board_and_by_its_corners_is_placed() {
 fn a_panel_in_the_mirror_is_placed() {
     let camera = webcam();
     let sample = above([0.35, 0.05, 0.0], [0.0, 10.0, 600.0]);
-    // 1 mm above the sample a mirror; the panel looks down on it from the other side of the normal.
+    // A mirror 1 mm above the sample; the panel faces it from above.
     let pixels = Pixels { pixel_mm: [0.25, 0.26], size_px: [1600, 1200] };
     let truth = by_hand(pixels, [20.0, 160.0, 520.0], [-17.0, 3.0, 4.0], 1.0, 1.0).unwrap().panel;
     let board = Board { columns: 9, rows: 6, square_mm: 60.0 };
@@ -217,10 +217,10 @@ fn a_panel_in_the_mirror_is_placed() {
     for k in 0..3 {
         assert!(turn[k].to_degrees().abs() < 4.0 * found.turn_deg[k], "{turn:?} {:?}", found.turn_deg);
     }
-    // Its pixels are where they are in truth.
+    // The panel's pixels coincide with the truth.
     let (a, b) = (found.panel.at([100.0, 1100.0]), truth.at([100.0, 1100.0]));
     assert!((0..3).all(|k| (a[k] - b[k]).abs() < 3.0), "{a:?} {b:?}");
-    // Taken for a direct view it would be below the sample, or seen from behind.
+    // Interpreted as a direct view, the panel would lie below the sample or be seen from behind.
     let direct = Shown { view: View::Direct, ..shown };
     assert!(from_photograph(&camera, &no_covariance(), &placed, pixels, &direct).is_err());
 }
@@ -229,17 +229,18 @@ fn a_panel_in_the_mirror_is_placed() {
 fn a_panel_measured_by_hand_looks_down_and_turns() {
     let pixels = Pixels { pixel_mm: [0.5, 0.5], size_px: [3, 3] };
     let flat = by_hand(pixels, [0.0, 0.0, 300.0], [0.0; 3], 2.0, 0.5).unwrap();
-    // Seen from below, its left is at the sample's right.
+    // Seen from below, its left side is at the sample's right.
     assert_eq!(flat.panel.at([0.0, 1.0]), [0.5, 0.0, 300.0]);
     assert_eq!(flat.panel.at([1.0, 0.0]), [0.0, 0.5, 300.0]);
-    // Turned by 90° about x, what looked down looks towards +y.
+    // Rotated by 90° about x, the face turns from down to +y.
     let upright = by_hand(pixels, [0.0, 0.0, 300.0], [90.0, 0.0, 0.0], 2.0, 0.5).unwrap();
     let normal = upright.panel.pose.turn([0.0, 0.0, 1.0]);
     assert!((normal[1] - 1.0).abs() < 1e-12, "{normal:?}");
     assert!(by_hand(pixels, [0.0; 3], [f64::NAN, 0.0, 0.0], 2.0, 0.5).is_err());
 }
 
-/// Where a light's highlight is seen in a mirror at a height: the way from camera to light is divided as their heights above it are.
+/// Pixel of a light's highlight in a mirror at a height: the line from camera to light is divided in the ratio of their
+/// heights above it.
 fn highlight(camera: &Camera, sample: &Pose, light: [f64; 3], height: f64) -> Highlight {
     let viewer = sample.inverse().translation_mm;
     let share = (viewer[2] - height) / (viewer[2] + light[2] - 2.0 * height);
@@ -254,7 +255,7 @@ fn a_light_is_placed_by_its_highlights() {
     let light = [60.0, -40.0, 350.0];
     let sure = Placed { pose: sample, sigma: [0.0; 6], rms_px: 0.0 };
     let known = Known { sigma_px: 0.3, height_mm: None };
-    // Two heights, each seen to 0.2 px.
+    // Two heights, each measured to 0.2 px.
     let mut all: Vec<Highlight> = [0.0, 120.0].iter().map(|h| highlight(&camera, &sample, light, *h)).collect();
     let exact = from_highlights(&camera, &sure, &all, &known).unwrap();
     assert!((0..3).all(|k| (exact.mm[k] - light[k]).abs() < 1e-5), "{exact:?}");
@@ -262,12 +263,12 @@ fn a_light_is_placed_by_its_highlights() {
     all[1].pixel[1] -= 0.2;
     let found = from_highlights(&camera, &sure, &all, &known).unwrap();
     assert!((0..3).all(|k| (found.mm[k] - light[k]).abs() < 3.0 * found.sigma_mm[k]), "{found:?}");
-    // One height and a ruler.
+    // One height, and a ruler.
     let ruled = Known { height_mm: Some([352.0, 2.0]), ..known };
     let found = from_highlights(&camera, &sure, &all[..1], &ruled).unwrap();
     assert!((0..3).all(|k| (found.mm[k] - light[k]).abs() < 3.0 * found.sigma_mm[k]), "{found:?}");
     assert!((found.sigma_mm[2] - 2.0).abs() < 0.1);
-    // A sample that may be tilted by 0.01 rad makes a light 352 mm above it less sure by 3.5 mm.
+    // A tilt uncertainty of 0.01 rad displaces a light at a height of 352 mm by 3.5 mm.
     let vague = Placed { sigma: [0.01, 0.01, 0.01, 0.0, 0.0, 0.0], ..sure };
     let sigma = from_highlights(&camera, &vague, &all[..1], &ruled).unwrap().sigma_mm;
     assert!((3.4..4.2).contains(&sigma[0]) && (3.4..4.2).contains(&sigma[1]), "{sigma:?}");
@@ -281,7 +282,7 @@ fn a_light_is_placed_by_its_highlights() {
 fn a_tilted_mirror_is_as_good_as_a_higher_one() {
     let (camera, sample) = (webcam(), above([0.0; 3], [0.0, 0.0, 500.0]));
     let light = [0.0, 80.0, 400.0];
-    // Turned by 5° about x: look for the place where the way is shortest (Fermat), in the plane x = 0.
+    // Mirror rotated by 5° about x: the reflection point minimises the path length (Fermat) in the plane x = 0.
     let (sin, cos) = 5.0_f64.to_radians().sin_cos();
     let path = |s: f64| {
         let (y, z) = (s * cos, s * sin);
@@ -311,7 +312,7 @@ fn bands_have_the_mean_and_the_width_of_their_curves() {
     assert!((found.mean_nm - 530.0).abs() < 1e-6 && (found.spread_nm - 8.0).abs() < 0.02, "{found:?}");
     assert!((found.fwhm_nm - 8.0 * (8.0 * 2.0_f64.ln()).sqrt()).abs() < 0.1, "{found:?}");
     assert!((found.sigma_nm - 0.5).abs() < 1e-12);
-    // A lamp that rises in proportion to nm - 330 moves the mean by variance over 200 nm.
+    // A lamp spectrum proportional to nm - 330 shifts the mean by variance over 200 nm.
     let rising = Spectrum::new(vec![[430.0, 100.0], [630.0, 300.0]]).unwrap();
     let moved = band(&[gauss.clone(), rising], true).unwrap();
     assert!((moved.mean_nm - 530.0 - 64.0 / 200.0).abs() < 0.01, "{moved:?}");
@@ -343,7 +344,7 @@ fn the_papers_way_is_relative_and_right_where_it_holds() {
         let (a, b) = (half(&found), half(&known));
         assert!((0..2).all(|k| (a[k] - b[k]).abs() < 1e-9), "{a:?} {b:?}");
     }
-    // A wrong length changes all half vectors by about one factor: that is what relative means.
+    // A wrong length scales all half vectors by nearly the same factor, which defines a relative geometry.
     let wrong = relative(&Ruler { apart_mm: 1.1 * ruler.apart_mm, ..ruler }).unwrap();
     let ratio = |pixel: [f64; 2]| {
         let half = |g: &Geometry| g.half(g.point(pixel).unwrap(), g.light_mm.unwrap());

@@ -1,13 +1,14 @@
-//! Photographs of boards, traced ray by ray: nothing of the calibration's own formulas.
+//! Ray-traced photographs of boards, independent of the calibration's formulas.
 
 use crate::calibration::{Board, Gray};
 use nacre_optics::geometry::{Camera, Pose};
 use rayon::prelude::*;
 
-/// Samples of a pixel along each side.
+/// Samples per pixel along each axis.
 const SUPER: usize = 3;
 
-/// A camera's photograph of what `shade` says (0 to 1) of a ray from `from` along a direction, both in sample coordinates, with noise.
+/// Photograph, with noise, of the shade (0 to 1) that `shade` gives for a ray from `from` along a direction, both in
+/// sample coordinates.
 pub fn photograph(
     camera: &Camera,
     sample: &Pose,
@@ -26,7 +27,7 @@ pub fn photograph(
             let pixel = [x + sub(k % SUPER), y + sub(k / SUPER)];
             sum += shade(from, back.turn(straightened(camera, pixel)));
         }
-        // Sum of four uniform numbers: near enough to a normal one.
+        // The sum of four uniform numbers is approximately normal.
         let mut state = (seed << 32 | i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mut uniform = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -39,7 +40,7 @@ pub fn photograph(
     Gray { width, height, values }
 }
 
-/// Direction of a pixel, the lens undone by repeated substitution.
+/// Direction of a pixel, with distortion inverted by fixed-point iteration.
 fn straightened(camera: &Camera, pixel: [f64; 2]) -> [f64; 3] {
     let [k1, k2, p1, p2, k3] = camera.distortion;
     let seen = [0, 1].map(|k| (pixel[k] - camera.center_px[k]) / camera.focal_px[k]);
@@ -53,7 +54,8 @@ fn straightened(camera: &Camera, pixel: [f64; 2]) -> [f64; 3] {
     [x, y, 1.0]
 }
 
-/// Where a ray meets the plane of a pose, in the pose's coordinates; none when it does not, or from behind.
+/// Intersection of a ray with the plane of a pose, in the pose's coordinates; `None` for rays that miss it or meet it
+/// from behind.
 pub fn meets(pose: &Pose, from: [f64; 3], along: [f64; 3]) -> Option<[f64; 2]> {
     let back = pose.inverse();
     let (from, along) = (back.apply(from), back.turn(along));
@@ -61,7 +63,7 @@ pub fn meets(pose: &Pose, from: [f64; 3], along: [f64; 3]) -> Option<[f64; 2]> {
     (steps > 0.0 && from[2] > 0.0).then(|| [from[0] + steps * along[0], from[1] + steps * along[1]])
 }
 
-/// Shade of a board in the middle of a plane: dark squares from the upper left on, white around it.
+/// Shade of a board in the centre of a plane: dark upper left square, white surroundings.
 pub fn squares(board: &Board, [x, y]: [f64; 2]) -> f64 {
     let s = board.square_mm;
     let column = (x / s + 0.5 * (board.columns + 1) as f64).floor();

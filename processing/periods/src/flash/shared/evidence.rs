@@ -1,26 +1,28 @@
-//! Evidence for shared gratings: each connected area of pixels with one grating is fitted with a grating of its own.
+//! Evidence for shared gratings: an individual grating is fitted to each connected area of pixels with one shared
+//! grating.
 
 use super::super::solve::{Copy, Prior, Solution, solve};
 use super::refine::thinned;
 use rayon::prelude::*;
 
-/// Fewest interior pixels for a fit of an area's own grating, or of that of half an area.
+/// Minimum number of interior pixels for a fit of an area's, or half an area's, individual grating.
 const FEWEST: usize = 8;
 
-/// Systematic shift of a grating seen from one side, over the lobe's width, since lobes are not exactly Gaussian.
+/// Systematic shift of a grating observed from one side, relative to the lobe's width, from non-Gaussian lobes.
 pub(super) const SHAPE: f64 = 0.1;
 
-/// Fewest areas for a test of gradual change.
+/// Minimum number of areas for a test of gradual change.
 const FEWEST_AREAS: usize = 6;
 
-/// Largest useful standard deviation of an area's own grating, over the lobe's width.
+/// Maximum useful standard deviation of an area's individual grating, relative to the lobe's width.
 const VAGUE: f64 = 0.4;
 
-/// χ² (two degrees of freedom) above which an area's own grating differs from the shared one: probability 1/3000 by chance.
+/// χ² (two degrees of freedom) above which an area's individual grating differs from the shared one (chance probability
+/// 1/3000).
 const OTHER: f64 = 16.0;
 
-/// Side in pixels of a square within one area that must contain a pixel. Beside edges, and where the next tile overlaps, all copies of
-/// narrower parts of an area may show the neighbouring polygon.
+/// Side in pixels of a square within one area that must contain a pixel. Beside edges, and where the next tile
+/// overlaps, all copies of narrower parts of an area may show the neighbouring polygon.
 const WIDE: usize = 3;
 
 /// Connected pixels with the same shared grating.
@@ -47,14 +49,16 @@ impl Area {
     }
 }
 
-/// Test of one area.
+/// Result of the test of one area.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Told {
-    /// Angle from the shared grating to the area's own one in rad, and the relative difference of their lengths; none without a fit.
+    /// Angle in rad from the shared to the individual grating, and relative difference of their lengths; `None` without
+    /// a fit.
     pub own: Option<[f64; 2]>,
-    /// Angles from the left half's grating to the right half's and from the upper to the lower one, and relative differences of lengths.
+    /// Angles between the gratings of the left and right half and of the upper and lower half, and relative differences
+    /// of their lengths.
     pub halves: [Option<[f64; 2]>; 2],
-    /// Whether the area's own grating, or that of one of its halves, differs from the shared one.
+    /// True if the area's individual grating, or that of one of its halves, differs from the shared one.
     pub other: [bool; 2],
 }
 
@@ -87,7 +91,8 @@ pub(super) fn areas(of: &[Option<usize>], width: usize) -> Vec<Area> {
     all
 }
 
-/// Fits each area's own grating. `kept` are, for interior pixels, the copies near the lobes of the shared grating.
+/// Fits each area's individual grating. `kept` holds, for interior pixels, the copies near the lobes of the shared
+/// grating.
 pub(super) fn told(
     areas: &[Area],
     gratings: &[Solution],
@@ -122,8 +127,8 @@ pub(super) fn told(
     areas.par_iter().map(of).collect()
 }
 
-/// Significance, in standard deviations, of gratings that change gradually over the tile: halves of areas then differ in the same sense in
-/// every area, and the areas' own gratings depend on their positions.
+/// Significance, in standard deviations, of a gradual change of gratings over the tile. If they change gradually,
+/// halves of all areas differ in the same sense, and individual gratings depend on position.
 pub(super) fn gradual(areas: &[Area], told: &[Told], width: usize) -> f64 {
     let middle = |area: &Area, axis: usize| {
         let at = |i: &usize| if axis == 0 { i % width } else { i / width };
@@ -145,7 +150,7 @@ fn from_zero(all: &[f64]) -> f64 {
     if all.len() < FEWEST_AREAS || squares == 0.0 { 0.0 } else { mean.abs() / (squares / (count - 1.0) / count).sqrt() }
 }
 
-/// Slope of a line through points over its standard deviation.
+/// Slope of a fitted line over its standard deviation.
 fn slope(all: &[[f64; 2]]) -> f64 {
     let count = all.len() as f64;
     let mean = [0, 1].map(|k| all.iter().map(|p| p[k]).sum::<f64>() / count);
@@ -191,7 +196,7 @@ fn length(v: [f64; 2]) -> f64 {
     v[0].hypot(v[1])
 }
 
-/// Angle from the second to the first, in rad.
+/// Angle from the second vector to the first, in rad.
 fn turn(a: [f64; 2], b: [f64; 2]) -> f64 {
     (b[0] * a[1] - b[1] * a[0]).atan2(a[0] * b[0] + a[1] * b[1])
 }
@@ -223,10 +228,10 @@ mod tests {
         let found = areas(&map, 3);
         let sizes: Vec<(usize, usize)> = found.iter().map(|f| (f.grating, f.pixels.len())).collect();
         assert_eq!(sizes, [(0, 2), (1, 1), (1, 1), (0, 4)]);
-        // A square of nine pixels, a pixel beside it, and two in a row below.
+        // A square of nine pixels, one pixel beside it, and two in a row below.
         let area = Area { grating: 0, pixels: vec![0, 1, 2, 3, 4, 5, 6, 8, 9, 10, 12, 13] };
         assert_eq!(area.wide(4), [0, 1, 2, 4, 5, 6, 8, 9, 10]);
-        // Rows are not joined at the picture's sides.
+        // Rows do not continue beyond the picture's sides.
         let strip = Area { grating: 0, pixels: vec![1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12] };
         assert_eq!(strip.wide(2), Vec::<usize>::new());
     }

@@ -1,19 +1,19 @@
-//! Assigns one of a few gratings to a place, from the light of its copies.
+//! Assignment of one of a few gratings to a position, from the light of its copies.
 
 use super::super::fit::Why;
 use super::super::solve::{Copy, Solution};
 use nacre_base::statistics::median;
 
-/// Least coverage of a pixel by its grating; the rest is a gap or the neighbouring polygon.
+/// Minimum coverage of a pixel by its grating; the rest is a gap or the neighbouring polygon.
 const MOSTLY: f64 = 0.7;
 
-/// Largest light over that of a fully covered pixel: print varies.
+/// Maximum light relative to a fully covered pixel; print varies.
 const BRIGHTEST: f64 = 1.3;
 
-/// Lower bound of a second grating's coverage from which a pixel counts as having several gratings.
+/// Lower bound of a second grating's coverage above which a pixel has several gratings.
 const SECOND: f64 = 0.4;
 
-/// A grating is observable at a place where full coverage would be this many standard deviations bright.
+/// Expected brightness at full coverage, in standard deviations, above which a grating is observable at a position.
 const VISIBLE: f64 = 8.0;
 
 /// Relative model error of a grating's light at a copy.
@@ -25,33 +25,33 @@ const ODD: f64 = 6.0;
 /// A grating is excluded when its χ² exceeds that of the best one by this multiple of the best one's residual per copy.
 const RULED_OUT: f64 = 16.0;
 
-/// Largest χ² per lit copy: at edges each copy shows a different part of the polygon.
+/// Maximum χ² per lit copy: at edges, each copy shows a different part of the polygon.
 const POOR: f64 = 12.0;
 
 /// A copy is lit where full coverage would give this part of a lobe's peak.
 const LIT: f64 = 0.02;
 
-/// Fewest copies for an estimate of stray light by their median.
+/// Minimum number of copies for an estimate of stray light by their median.
 const MANY: usize = 8;
 
-/// The best of a few gratings for a place.
+/// The best of a few gratings at a position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Best {
     /// Index of the grating.
     pub grating: usize,
-    /// Light over that of a fully covered pixel.
+    /// Light relative to a fully covered pixel.
     pub amount: f64,
     /// χ² per lit copy.
     pub per_copy: f64,
-    /// χ² of the next best grating less that of this one.
+    /// χ² of the second-best grating minus χ² of this one.
     pub ahead: f64,
     /// Largest lower bound of another grating's coverage.
     pub second: f64,
-    /// Brightest light far from the grating's lobes, over the peak of its first order.
+    /// Brightest light far from the grating's lobes, relative to the peak of its first order.
     pub elsewhere: f64,
 }
 
-/// Copies within a lobe of a grating; weights are limited by the grating's uncertainty and small for outliers.
+/// Copies within a lobe of a grating. The grating's uncertainty limits their weights, and outliers have small weights.
 pub(super) fn near(copies: &[Copy], grating: &Solution) -> Vec<Copy> {
     let weighted = |c: &Copy| {
         let model = grating.light(c);
@@ -62,7 +62,7 @@ pub(super) fn near(copies: &[Copy], grating: &Solution) -> Vec<Copy> {
     copies.iter().filter_map(weighted).collect()
 }
 
-/// Fit of one grating to a place's copies.
+/// Fit of one grating to a position's copies.
 struct Seen {
     model: Vec<f64>,
     weight: Vec<f64>,
@@ -91,7 +91,7 @@ fn seen(copies: &[Copy], light: &[f64], all: f64, grating: &Solution) -> Seen {
     Seen { model, weight, square, amount, cost, per_copy: left / lit.max(1) as f64 }
 }
 
-/// The grating with the least χ²; none where no grating has light.
+/// The grating with the lowest χ²; `None` if no grating has light.
 pub(super) fn best(copies: &[Copy], gratings: &[Solution]) -> Option<Best> {
     let mut lights: Vec<f64> = copies.iter().map(|c| c.light).collect();
     let known = gratings.first()?.stray;
@@ -133,7 +133,7 @@ fn part(copies: &[Copy], light: &[f64], own: &Seen, other: &Seen, scale: f64) ->
 }
 
 impl Best {
-    /// Why the place is not assigned to the grating, if it is not.
+    /// Reason why the position is not assigned to the grating, if any.
     pub fn doubt(&self) -> Option<Why> {
         if self.second.max(self.elsewhere) > SECOND * self.amount {
             return Some(Why::Several);

@@ -1,9 +1,10 @@
 //! Few gratings that many polygons share, as on sheets whose polygons have one of a few directions.
 //!
-//! Under one light most places have a single copy near a lobe, which determines only a ring of grating vectors. Places with the same grooves
-//! determine the vector together: [`vote`] finds vectors that many places have in common, [`refine`] fits them to all these places, [`judge`]
-//! assigns gratings to pixels, and [`evidence`] fits every area's own grating. Shared gratings are accepted only where areas confirm them and
-//! several areas have the same grating; otherwise the result of each pixel by itself remains.
+//! Under one light, most positions have a single copy near a lobe, which determines only a ring of grating vectors.
+//! Positions with the same grating determine the vector together. [`vote`] finds vectors common to many positions, and
+//! [`refine`] fits them to all of these. [`judge`] assigns gratings to pixels, and [`evidence`] fits every area's
+//! individual grating. Shared gratings are accepted only if areas confirm them and several areas have the same grating.
+//! Otherwise, the individual result of each pixel remains.
 
 mod evidence;
 mod judge;
@@ -27,44 +28,46 @@ use refine::{WHOLE, refined};
 use std::f64::consts::PI;
 use vote::{Level, vote};
 
-/// Most places in the search for gratings, most copies of them, and most places that vote.
+/// Maximum numbers of positions in the search for gratings, of their copies, and of positions that vote.
 const PLACES: usize = 1500;
 const COPIES: usize = 150_000;
 const VOTERS: usize = 360;
 
-/// Most copies in the fits of areas' own gratings.
+/// Maximum number of copies in the fits of areas' individual gratings.
 const MOST_KEPT: usize = 300_000;
 
-/// Quantile of the places' light that counts as the peak.
+/// Quantile of the positions' light that represents the peak.
 const BRIGHT: f64 = 0.97;
 
-/// Smallest accepted area, in pixels.
+/// Minimum size of an accepted area in pixels.
 const SMALLEST: usize = 10;
 
-/// Share of areas that must confirm the shared gratings, and share of the lit places that must have one. An area with the grating fails to confirm
-/// it once in a thousand times. Simulated sheets that share eight gratings have 1.0 and 0.52 to 0.67; one whose period changes from 1.5 to 1.8 µm
-/// has 0.87 and 0.41.
+/// Share of areas that must confirm the shared gratings, and share of the lit places that must have one. An area with
+/// the grating fails to confirm it once in a thousand times. Simulated sheets that share eight gratings have 1.0 and
+/// 0.52 to 0.67; one whose period changes from 1.5 to 1.8 µm has 0.87 and 0.41.
 const CONFIRMED: f64 = 0.95;
 const EXPLAINED: f64 = 0.47;
 
 /// Significance, in standard deviations, at which halves of areas differ in the same sense.
 const GRADUAL: f64 = 4.5;
 
-/// Areas per grating from which gratings count as shared, and fewest areas of one grating: a single area confirms its own fit.
+/// Minimum ratio of areas to gratings for shared gratings, and minimum number of areas of one grating: a single area
+/// confirms its own fit.
 const PER_GRATING: f64 = 1.5;
 const SHARING: usize = 2;
 
-/// Distance of copies over half vectors, in lobe widths, above which they are sparse and the report warns.
+/// Distance of copies over half vectors, in lobe widths, above which they count as sparse and a warning is issued.
 const SPARSE: f64 = 2.2;
 
-/// Least uncertainty of shared directions over the lobe's width, since lobes are not exactly Gaussian. Few lights see lobes from one side: the
-/// uncertainty of directions is [`SHAPE`] over the number of lights, and that of lengths is [`SHAPE`].
+/// Minimum uncertainty of shared directions relative to the lobe's width, from non-Gaussian lobes. Few lights observe
+/// lobes from one side only: the uncertainty of directions is then [`SHAPE`] over the number of lights, and that of
+/// lengths is [`SHAPE`].
 const FLOOR: f64 = 0.02;
 
-/// Accepts shared gratings where there is evidence for them; otherwise leaves the gratings that were found.
+/// Accepts shared gratings if there is evidence; otherwise keeps the individual ones.
 ///
 /// # Errors
-/// When copies cannot be read back; `Cancelled`.
+/// Copies that cannot be read back; `Cancelled`.
 pub(super) fn refit(job: &Job, mut free: Fitted, settings: &Settings, progress: &dyn Progress) -> Result<Fitted> {
     let refused = |why: &str| DirectionsReport { choice: Directions::Free, why: why.into(), ..Default::default() };
     if settings.directions == Directions::Free {
@@ -77,7 +80,7 @@ pub(super) fn refit(job: &Job, mut free: Fitted, settings: &Settings, progress: 
         Ok(sheet) => Ok(sheet.merged(free, job, settings)),
         Err(why) => {
             free.directions = refused(why);
-            // With few copies near lobes, two gratings in one place look like a third one.
+            // With few copies near lobes, two gratings at one position resemble a third one.
             if why == NOTHING && sparse(job, &free) {
                 let none =
                     |f: &mut Found| *f = if let Found::Grating(_) = f { Found::Masked(Why::Unexplained) } else { *f };
@@ -91,38 +94,38 @@ pub(super) fn refit(job: &Job, mut free: Fitted, settings: &Settings, progress: 
 /// Reason why there are no shared gratings.
 const NOTHING: &str = "no grating explains more than a few places";
 
-/// Whether a place's copies lie so far apart that many places are lit by one copy alone.
+/// True if a position's copies are so sparse that many positions are lit by a single copy.
 fn sparse(job: &Job, free: &Fitted) -> bool {
     let middle = job.tiling.place(0, job.tiling.width / 2, job.tiling.height / 2);
     job.spacing(middle) > SPARSE * free.lobe.at(&job.view.half(middle, job.lights[0])).width()
 }
 
-/// Shared gratings, the pixels that have them, and the areas that these make.
+/// Shared gratings, their pixels, and the areas that these form.
 struct Sheet {
     gratings: Vec<Solution>,
     of: Vec<std::result::Result<usize, Why>>,
     areas: Vec<Area>,
     told: Vec<Told>,
-    /// Pixels of a row of the map.
+    /// Width of the map in pixels.
     columns: usize,
     /// Typical width of a lobe.
     width: f64,
     report: DirectionsReport,
 }
 
-/// First assignment of a place.
+/// Initial assignment of a position.
 struct Place {
     copies: Vec<Copy>,
     lit: bool,
 }
 
-/// A pixel's grating; the copies near its lobes for interior pixels; whether it is lit.
+/// Grating of a pixel; for interior pixels, the copies near its lobes; whether the pixel is lit.
 type Judged = (std::result::Result<usize, Why>, Option<Vec<Copy>>, bool);
 
 impl Sheet {
     /// Searches for shared gratings.
     ///
-    /// The error is the reason why there are none.
+    /// The inner error is the reason why there are none.
     fn of(job: &Job, free: &Fitted, progress: &dyn Progress) -> Result<std::result::Result<Self, &'static str>> {
         let prior = Prior { shared: None, ..free.prior };
         let (places, unit) = places(job, free)?;
@@ -164,12 +167,12 @@ impl Sheet {
         Ok(Ok(Self { gratings, of, areas, told, columns: size[0], width, report }))
     }
 
-    /// Whether an area is large enough and its own grating is the shared one.
+    /// True if an area is large enough and its individual grating agrees with the shared one.
     fn confirmed(&self, k: usize) -> bool {
         self.areas[k].pixels.len() >= SMALLEST && self.told[k].own.is_some() && self.told[k].other == [false; 2]
     }
 
-    /// Confirmed areas whose grating other areas have too.
+    /// Confirmed areas whose grating also occurs in other areas.
     fn sharing(&self) -> Vec<usize> {
         let confirmed: Vec<usize> = (0..self.areas.len()).filter(|k| self.confirmed(*k)).collect();
         let mut count = vec![0; self.gratings.len()];
@@ -177,7 +180,7 @@ impl Sheet {
         confirmed.into_iter().filter(|k| count[self.areas[*k].grating] >= SHARING).collect()
     }
 
-    /// Standard deviation of the areas' own gratings about the shared ones, over the expected one.
+    /// Ratio of the scatter of the areas' individual gratings about the shared ones to its expectation.
     fn freedom(&self) -> f64 {
         let mut of: Vec<usize> = self.sharing().iter().map(|k| self.areas[*k].grating).collect();
         let areas = of.len() as f64;
@@ -186,9 +189,9 @@ impl Sheet {
         if of.is_empty() { 1.0 } else { (areas / (areas - of.len() as f64)).sqrt() }
     }
 
-    /// Accepts the gratings where areas confirm them.
+    /// Accepts the gratings if areas confirm them.
     ///
-    /// The error is the reason why they are not accepted.
+    /// The error is the reason for rejection.
     fn judged(mut self, settings: &Settings) -> std::result::Result<Self, &'static str> {
         let asked: Vec<usize> = (0..self.areas.len()).filter(|k| self.told[*k].own.is_some()).collect();
         let weight = |all: &[usize]| all.iter().map(|k| self.areas[*k].pixels.len()).sum::<usize>() as f64;
@@ -232,7 +235,8 @@ impl Sheet {
         Ok(self)
     }
 
-    /// Pixels with a confirmed grating have it; others keep their own where nothing else is near.
+    /// Assigns confirmed shared gratings to their pixels; other pixels keep their individual ones where nothing else is
+    /// near.
     fn merged(mut self, mut free: Fitted, job: &Job, settings: &Settings) -> Fitted {
         let sharing = self.sharing();
         let mut used: Vec<usize> = sharing.iter().map(|k| self.areas[*k].grating).collect();
@@ -298,7 +302,7 @@ fn size(v: [f64; 2]) -> f64 {
     v[0].hypot(v[1])
 }
 
-/// Places all over the tile, their light over a common unit, and that unit.
+/// Positions sampled over the whole tile, with light relative to a common unit, and that unit.
 fn places(job: &Job, free: &Fitted) -> Result<(Vec<Place>, f64)> {
     let pixels = job.tiling.width * job.tiling.height;
     let each = job.tiling.origins.len() * job.lights.len();
@@ -325,7 +329,7 @@ fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     values.get((values.len() as f64 * share) as usize).or(values.last()).copied()
 }
 
-/// Light of the peak and stray light, and the typical width of a lobe; none where nothing is lit.
+/// Peak light, stray light and typical lobe width; `None` if nothing is lit.
 fn level(lit: &[Vec<Copy>]) -> Option<(Level, f64)> {
     let brightest = |p: &Vec<Copy>| p.iter().copied().max_by(|a, b| a.light.total_cmp(&b.light));
     let tops: Vec<Copy> = lit.iter().filter_map(brightest).collect();

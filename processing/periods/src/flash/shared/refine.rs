@@ -1,4 +1,4 @@
-//! Gratings that places share, refined on all of these places together.
+//! Joint refinement of shared gratings over all positions that have them.
 
 use super::super::solve::{Copy, ORDERS, Prior, Solution, solve};
 use super::judge::{Best, best, near};
@@ -6,29 +6,29 @@ use super::vote::Level;
 use nacre_base::statistics::median;
 use rayon::prelude::*;
 
-/// Rounds of assigning places to gratings and fitting these.
+/// Number of rounds of assignment and fit.
 const ROUNDS: usize = 7;
 
-/// Fewest places of a grating, and their least share of all places.
+/// Minimum number of positions of a grating, and their minimum fraction of all positions.
 const FEWEST: usize = 4;
 const LEAST: f64 = 0.005;
 
-/// Most copies that a grating is fitted to.
+/// Maximum number of copies in the fit of a grating.
 const MOST_COPIES: usize = 6000;
 
-/// Gratings closer than this, over the lobe's width, are one.
+/// Distance relative to the lobe's width below which gratings are merged.
 const SAME: f64 = 0.5;
 
-/// Limits of a grating's first-order light over the usual one: one process prints the sheet.
+/// Range of a grating's first-order light relative to the typical one, since one process prints the whole sheet.
 const ALIKE: [f64; 2] = [0.6, 1.6];
 
-/// Numbers of places in the first fits.
+/// Range of relative light of a position in the first fits.
 const LOOSE: std::ops::Range<f64> = 0.6..1.29;
 
-/// A place with this part of the usual light is all of one polygon.
+/// Range of relative light of a position entirely covered by one polygon.
 pub(super) const WHOLE: std::ops::Range<f64> = 0.82..1.2;
 
-/// Gratings near to vectors that places voted for.
+/// Gratings near the vectors found by vote.
 pub(super) fn refined(
     places: &[Vec<Copy>],
     vectors: &[[f64; 2]],
@@ -70,20 +70,20 @@ pub(super) fn refined(
     gratings
 }
 
-/// Whether a grating lies within the range of lengths, not at its end, and has no higher orders brighter than the first.
+/// True if a grating lies inside the range of lengths and has no higher order brighter than the first.
 fn inside(grating: &Solution, prior: &Prior) -> bool {
     let length = grating.vector[0].hypot(grating.vector[1]);
     (prior.range[0] * 1.01..prior.range[1] * 0.99).contains(&length)
         && (1..ORDERS).all(|n| grating.orders[n] < 2.0 * grating.orders[0])
 }
 
-/// Thins copies to the number that a fit needs.
+/// Subsamples copies to the number required for a fit.
 pub(super) fn thinned(all: Vec<Vec<Copy>>) -> Vec<Copy> {
     let count: usize = all.iter().map(Vec::len).sum();
     all.into_iter().flatten().step_by(count / MOST_COPIES + 1).collect()
 }
 
-/// Of gratings that became one, the one that explains more copies.
+/// Of merged gratings, keeps the one that explains more copies.
 fn apart(gratings: Vec<Solution>, least: f64) -> Vec<Solution> {
     let mut kept: Vec<Solution> = vec![];
     for g in gratings {

@@ -1,56 +1,57 @@
-//! Grating vectors that many places have in common: each place votes for all vectors that explain its light.
+//! Grating vectors common to many positions: each position votes for all vectors consistent with its light.
 //!
-//! A single copy near a lobe determines a ring of grating vectors around its half vector, whose radius follows from the light over the peak's.
-//! Rings of places with the same grooves meet in one vector. The vote is the nonparametric maximum-likelihood estimate of the distribution of
-//! vectors (Kiefer and Wolfowitz 1956) on a grid. It is discrete even where the true distribution is not; `evidence` tests that later.
+//! A single copy near a lobe determines a ring of grating vectors around its half vector; the ring's radius follows
+//! from the light relative to the lobe's peak. Rings of positions with the same grating intersect in one vector. The
+//! vote is the nonparametric maximum-likelihood estimate of the distribution of vectors (Kiefer and Wolfowitz 1956) on
+//! a grid. This estimate is discrete even if the true distribution is not; `evidence` tests that later.
 
 use super::super::solve::{Copy, ORDERS, Prior};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Steps of the grid along and across grating vectors, over the lobe's width.
+/// Grid steps along and across grating vectors, relative to the lobe's width.
 const STEPS: [f64; 2] = [0.4, 0.35];
 
-/// Most vectors of the grid; with narrower lobes nearly all places are dark.
+/// Maximum number of grid vectors; with narrower lobes, nearly all positions are dark.
 const MOST: usize = 30_000;
 
-/// Relative uncertainty of light: the peak is not yet known well.
+/// Relative uncertainty of light, because the peak is only roughly known.
 const TOLERANCE: f64 = 0.2;
 
-/// Largest squared residual of a copy, and that of a lit copy without a grating.
+/// Maximum squared residual of a copy, and that of a lit copy without a grating.
 const MOST_SQUARES: f64 = 16.0;
 const NONE: f64 = 12.0;
 
-/// Squared signal-to-noise ratio from which a copy is lit.
+/// Squared signal-to-noise ratio above which a copy is lit.
 const LIT: f64 = 9.0;
 
-/// Light of higher orders over the first one's, at most.
+/// Maximum light of higher orders relative to the first.
 const HIGHER: f64 = 2.0;
 
-/// Lobes end where they are a thousandth of their peak (in squared standard deviations).
+/// Squared radius in standard deviations at which lobes are truncated (about a thousandth of the peak).
 const FAR: f64 = 14.0;
 
-/// Rounds of expectation and maximization.
+/// Number of expectation-maximisation iterations.
 const ROUNDS: usize = 80;
 
-/// Vectors nearer than this to a stronger one are the same, over the lobe's width.
+/// Distance relative to the lobe's width below which a vector is merged into a stronger one.
 const SAME: f64 = 1.6;
 
-/// Fewest places, and their least share, that a vector needs.
+/// Minimum number of positions of a vector, and their minimum fraction.
 const FEWEST: f64 = 4.0;
 const LEAST: f64 = 0.006;
 
-/// Most vectors.
+/// Maximum number of vectors.
 const MOST_VECTORS: usize = 64;
 
-/// First-order light that all gratings share, and stray light, both over the unit.
+/// First-order light common to all gratings, and stray light, both relative to the unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Level {
     pub first: f64,
     pub stray: f64,
 }
 
-/// Vectors with the most votes, the strongest first; none where lobes are too narrow for a grid.
+/// Vectors with the most votes, strongest first; `None` if lobes are too narrow for a grid.
 pub(super) fn vote(places: &[Vec<Copy>], prior: &Prior, width: f64, level: Level) -> Option<Vec<[f64; 2]>> {
     let grid = Grid::new(prior.range, width)?;
     let likelihoods: Vec<(Vec<f32>, f32)> = places.par_iter().map(|p| likelihood(p, &grid, level)).collect();
@@ -73,7 +74,7 @@ pub(super) fn vote(places: &[Vec<Copy>], prior: &Prior, width: f64, level: Level
     Some(peaks(&grid.vectors, shares, width, places.len()))
 }
 
-/// Vectors of the half plane, in rows of one length.
+/// Vectors of the half plane, in rows of equal length.
 struct Grid {
     rows: Vec<Row>,
     vectors: Vec<[f64; 2]>,
@@ -86,7 +87,7 @@ struct Row {
 }
 
 impl Grid {
-    /// Grid of vectors with lengths in a range; none where there would be too many.
+    /// Grid of vectors with lengths in a range; `None` if there would be too many.
     fn new([least, most]: [f64; 2], width: f64) -> Option<Self> {
         let rows = ((most - least) / (STEPS[0] * width)).ceil().max(1.0);
         let around = |length: f64| (PI * length / (STEPS[1] * width)).ceil();
@@ -107,7 +108,7 @@ impl Grid {
         Some(grid)
     }
 
-    /// Vectors within a distance of another or of its opposite, and some more.
+    /// Superset of the vectors within a distance of another vector or of its opposite.
     fn near(&self, [x, y]: [f64; 2], distance: f64) -> impl Iterator<Item = usize> {
         let (length, angle) = (x.hypot(y), y.atan2(x).rem_euclid(PI));
         let rows = self.rows.iter().filter(move |r| (r.length - length).abs() < distance);
@@ -121,7 +122,7 @@ impl Grid {
     }
 }
 
-/// Likelihood of a place's light for each vector and for no grating, over that of the likeliest vector.
+/// Likelihood of a position's light for each vector and for no grating, relative to the most likely vector.
 fn likelihood(copies: &[Copy], grid: &Grid, level: Level) -> (Vec<f32>, f32) {
     let dark = |c: &Copy| ((c.light - level.stray).powi(2) * c.weight).min(MOST_SQUARES);
     let mut all = vec![copies.iter().map(dark).sum::<f64>(); grid.vectors.len()];
@@ -131,7 +132,7 @@ fn likelihood(copies: &[Copy], grid: &Grid, level: Level) -> (Vec<f32>, f32) {
             let middle = copy.half.map(|v| v / n as f64);
             for k in grid.near(middle, reach / n as f64) {
                 let lobes = lobes(copy, grid.vectors[k]);
-                // Those near several orders are counted with the first of these.
+                // Vectors near several orders are counted with the first of these.
                 if lobes[n - 1] > 0.0 && lobes[..n - 1].iter().all(|l| *l == 0.0) {
                     all[k] += with(copy, lobes, level) - before;
                 }
@@ -140,12 +141,12 @@ fn likelihood(copies: &[Copy], grid: &Grid, level: Level) -> (Vec<f32>, f32) {
     }
     let least = all.iter().copied().fold(f64::MAX, f64::min);
     let of = |s: f64| (-0.5 * (s - least)).exp() as f32;
-    // Without a grating no lit copy is explained; the other copies are as dark as they are.
+    // Without a grating, lit copies are unexplained; the others contribute their residuals.
     let none: f64 = copies.iter().map(dark).map(|s| if s < LIT { s } else { NONE }).sum();
     (all.iter().map(|s| of(*s)).collect(), of(none.max(least)))
 }
 
-/// Lobes of a vector's orders at a copy, for unit energy; 0 far from them.
+/// Lobe values of a vector's orders at a copy, for unit energy; 0 far from them.
 fn lobes(copy: &Copy, g: [f64; 2]) -> [f64; ORDERS] {
     let sign = (copy.half[0] * g[0] + copy.half[1] * g[1]).signum();
     std::array::from_fn(|n| {
@@ -155,7 +156,7 @@ fn lobes(copy: &Copy, g: [f64; 2]) -> [f64; ORDERS] {
     })
 }
 
-/// χ² of a copy for a vector with these lobes; higher orders may be up to a factor brighter than the first one.
+/// χ² of a copy for a vector with these lobes; higher orders may be brighter than the first by a limited factor.
 fn with(copy: &Copy, lobes: [f64; ORDERS], level: Level) -> f64 {
     let low = level.stray + level.first * lobes[0];
     let high = low + HIGHER * level.first * lobes[1..].iter().sum::<f64>();
