@@ -5,6 +5,7 @@ use super::paths::without_folders;
 use super::problem::{Answer, Problem};
 use super::runs::Run;
 use nacre_capture::engine::State as RunState;
+use nacre_capture::naming;
 use nacre_capture::plan::Plan;
 use nacre_capture::session::{Ending, Journal, SESSION_FILE, SessionFile, SoFar, Timing, unreadable_journal};
 use nacre_drivers::DeviceError;
@@ -19,6 +20,7 @@ const CUT_OFF: &str = "its process was killed, or power failed; resume the sessi
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct SessionDoc {
     id: String,
+    /// As given, else that in the plan, else the sample, else the kind of plan.
     name: String,
     sample: String,
     operator: String,
@@ -121,7 +123,7 @@ impl SessionDoc {
         let plan = &run.plan;
         let mut doc = Self {
             id: run.id.clone(),
-            name: plan.name.clone(),
+            name: naming::of_plan(plan),
             sample: plan.sample.clone(),
             operator: plan.operator.clone(),
             notes: plan.notes.clone(),
