@@ -159,6 +159,7 @@ fn what_is_deleted_is_restored_as_it_was() {
     let (before, described) = (contents(&folder), service.get(&base).json());
     assert_eq!(service.get(&format!("{base}/deletion")).expect(200).json()["trash_days"], 7);
     delete(&service, &base);
+    assert!(service.get(&base).text().contains("from the trash"));
     assert!(!folder.exists() && service.get("/api/v1/sessions").json()["items"] == json!([]));
     let item = &trash(&service)[0];
     assert_eq!((&item["id"], &item["kind"], &item["name"]), (&json!(id), &json!("session"), &json!("kinematic")));

@@ -17,14 +17,14 @@ const LONGEST = 200;
 export function renameable(title, name, path, changed = () => {}) {
   say(title, name);
   const input = h("input", { "aria-label": "Name", maxlength: LONGEST, placeholder: "Empty: the derived name", autocomplete: "off", onkeydown: (e) => e.key === "Escape" && edit(false) });
-  const form = h("form", { class: "row", hidden: true, onsubmit: (e) => { e.preventDefault(); save(); } },
+  const form = h("form", { class: "row", onsubmit: (e) => { e.preventDefault(); save(); } },
     input, h("button", { class: "primary" }, "Save"), h("button", { type: "button", onclick: () => edit(false) }, "Cancel"));
   const rename = h("button", { type: "button", class: "quiet rename", onclick: () => edit(true) }, "Rename");
   const shown = h("div", { class: "row" }, title, rename);
+  const element = h("div", { class: "naming" }, shown);
 
   function edit(on) {
-    shown.hidden = on;
-    form.hidden = !on;
+    element.replaceChildren(on ? form : shown);
     if (on) {
       input.value = title.textContent ?? "";
       input.select();
@@ -42,7 +42,7 @@ export function renameable(title, name, path, changed = () => {}) {
       complain(problem);
     }
   }
-  return h("div", { class: "naming" }, shown, form);
+  return element;
 }
 
 /**

@@ -113,7 +113,7 @@ pub async fn reconstruction(
     confirmed(&app, &id, &query)?;
     let _turn = app.trash_turn.lock().await;
     let Some(saved) = app.jobs()?.saved(&id).await? else {
-        return Err(Problem::not_found(format!("reconstruction {id}")));
+        return Err(app.missing("reconstruction", &id));
     };
     let name = app.name_of(&saved.spec);
     let deleted = Deleted::now(Thing::Reconstruction, name, Some(saved.clone()));

@@ -215,7 +215,7 @@ impl App {
             (true, _) => Ok(folder),
             (false, Some(_)) => Err(Problem::new(Kind::Conflict, "the session has no files yet")
                 .remedy("wait until its first frame is taken")),
-            (false, None) => Err(Problem::not_found(format!("session {id}"))),
+            (false, None) => Err(self.missing("session", id)),
         }
     }
 

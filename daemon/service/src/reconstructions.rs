@@ -105,7 +105,7 @@ impl App {
     /// `not-found` when there is none.
     pub async fn job(&self, id: &str) -> Answer<Job> {
         super::check_id(id)?;
-        self.jobs()?.get(id).await?.ok_or_else(|| Problem::not_found(format!("reconstruction {id}")))
+        self.jobs()?.get(id).await?.ok_or_else(|| self.missing("reconstruction", id))
     }
 
     /// Of a job, or of a session with its own results.

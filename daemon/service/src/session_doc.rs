@@ -71,7 +71,7 @@ impl SessionDoc {
         let folder = app.session_folder(id)?;
         let run = app.run(id);
         if !folder.join(SESSION_FILE).exists() {
-            let run = run.ok_or_else(|| Problem::not_found(format!("session {id}")))?;
+            let run = run.ok_or_else(|| app.missing("session", id))?;
             return Ok(Self::without_folder(&run, with_plan));
         }
         let row = SessionRow::read(&folder)?;

@@ -89,6 +89,15 @@ impl App {
         if self.stores.is_short() { 0 } else { self.config.limits.trash_days }
     }
 
+    /// A thing that is not there, with the way back if it is in the trash.
+    pub fn missing(&self, thing: &str, id: &str) -> Problem {
+        let problem = Problem::not_found(format!("{thing} {id}"));
+        if self.trash().join(id).join(DELETED_FILE).exists() {
+            return problem.remedy("restore it from the trash");
+        }
+        problem
+    }
+
     fn trash(&self) -> PathBuf {
         self.config.data.join("trash")
     }

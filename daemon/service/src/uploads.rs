@@ -84,7 +84,7 @@ impl App {
     /// `not-found` when there is none.
     pub fn existing_upload(&self, id: &str) -> Answer<PathBuf> {
         let folder = self.upload_folder(id)?;
-        if folder.is_dir() { Ok(folder) } else { Err(Problem::not_found(format!("upload {id}"))) }
+        if folder.is_dir() { Ok(folder) } else { Err(self.missing("upload", id)) }
     }
 }
 
