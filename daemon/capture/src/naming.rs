@@ -1,5 +1,5 @@
-//! Names of sessions and uploads. A name that a person gives is kept in `about.json` of the folder, which no checksum covers;
-//! without one, the name is derived from the contents.
+//! Names of sessions and uploads. A name that a person gives is kept in `about.json` of the folder, which no checksum
+//! covers. Without one, the name is derived from the contents.
 
 use crate::plan::{Plan, word};
 use nacre_base::{Error, input, write_whole};

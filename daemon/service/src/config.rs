@@ -71,8 +71,9 @@ pub struct LimitsSection {
     pub upload_mib: u64,
     /// An upload that no reconstruction uses is deleted after this many days.
     pub upload_days: u64,
-    /// What is deleted stays in the trash for this many days, at most 36500, and can be restored; 0: it is deleted at once. The trash is
-    /// emptied, and deletions are at once, while less than 1 GiB of the disk is free (or a twentieth of it, if that is less).
+    /// Days for which deleted sessions, uploads and results stay in the trash, 0 to 36500; 0 deletes at once. The trash
+    /// is emptied, and deletions are immediate, while less than 1 GiB or a twentieth of the disk is free, whichever is
+    /// smaller.
     #[schemars(range(max = 36_500))]
     pub trash_days: u64,
     /// A request that takes longer than this many seconds is ended, event streams and uploads apart.

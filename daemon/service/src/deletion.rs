@@ -100,7 +100,8 @@ pub async fn of_reconstruction(State(app): State<Arc<App>>, At(id): At<String>) 
     Ok(Deletion::of(&app, &id, &files, app.trash_days()))
 }
 
-/// Deletes a reconstruction that has ended, with all its files: they go to the trash. Results of a session go with the session.
+/// Deletes a reconstruction that has ended, with all its files: they go to the trash. Results of a session go with the
+/// session.
 #[utoipa::path(delete, path = "/api/v1/reconstructions/{id}", tag = "reconstructions", operation_id = "delete_reconstruction",
     params(("id" = String, Path), Confirmation),
     responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]

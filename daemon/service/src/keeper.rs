@@ -30,7 +30,8 @@ const SELDOM: Duration = Duration::from_secs(3600);
 /// A disk with fewer bytes free is full: a database needs as much to be opened.
 const ROOM: u64 = 64 << 10;
 
-/// Space is short where less is free, in bytes, or less than a twentieth of the disk: nothing is then kept in the trash.
+/// Disk space is short below this many free bytes, or a twentieth of the disk if that is less. The trash then keeps
+/// nothing.
 const SHORT: u64 = 1 << 30;
 
 /// Folders in the data folder.

@@ -1,4 +1,5 @@
-//! Names of sessions, uploads and reconstructions: given by people, else derived from the sample, the files or the input.
+//! Names of sessions, uploads and reconstructions: given by people, else derived from the sample, the files or the
+//! input.
 
 use super::problem::{Answer, Kind, Problem};
 use super::reconstructions::Reconstruction;

@@ -16,8 +16,8 @@ pub const EXTENSIONS: &[&str] = &[
 /// What a scene can use of a result.
 const MAPS: [&str; 3] = ["orientation.exr", "period.exr", "lut.exr"];
 
-/// Puts into a folder what a scene begins with: one of the `gallery` by its name, or the maps of a `result` by its id. Answers with the
-/// name of that.
+/// Puts the beginning of a scene into a folder: one of the `gallery` by its name, or the maps of a `result` by its id.
+/// Answers with the name of that.
 ///
 /// # Errors
 /// `bad-request` for names that no scene has and results without maps; `not-found` for ids that nothing has.

@@ -1,7 +1,7 @@
-//! `/api/v1/trash`: what was deleted, until it is restored, deleted for good, or too old.
+//! `/api/v1/trash`: deleted things, until they are restored, deleted for good, or too old.
 //!
-//! `trash/ID/` in the data folder holds `deleted.json`, and the deleted folders under the paths that they had in the data folder. Moving
-//! them takes no space. Whatever has no `deleted.json` is rubbish of an interrupted deletion.
+//! `trash/ID/` in the data folder holds `deleted.json`, and the deleted folders under the paths that they had in the
+//! data folder. An entry without `deleted.json` is left over from an interrupted deletion.
 
 use super::deletion::removed;
 use super::problem::{Answer, Kind, Problem};
@@ -27,7 +27,7 @@ const MAX_BYTES: u64 = 16 << 20;
 /// Folders of the data folder from which things are deleted.
 const FROM: [&str; 3] = ["sessions", "reconstructions", "uploads"];
 
-/// What was deleted.
+/// Kind of a deleted thing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Thing {
@@ -107,7 +107,8 @@ impl App {
         self.config.limits.trash_days * 24 * 3600
     }
 
-    /// Deletes folders of the data folder: into the trash, or at once where there is none or no space for `deleted.json`.
+    /// Deletes folders of the data folder: into the trash, or at once without a trash or without space for
+    /// `deleted.json`.
     ///
     /// # Errors
     /// As the system answers.
