@@ -26,6 +26,7 @@ mod kills;
 mod limits;
 mod lut;
 mod manual;
+mod names;
 mod one_device;
 mod operations;
 mod outside;

@@ -135,6 +135,14 @@ const ROLES: &[(&str, &str, &str)] = &[
     ("operate", "POST", "/api/v1/uploads"),
     ("operate", "POST", "/api/v1/uploads/angles"),
     ("administer", "DELETE", "/api/v1/uploads/{id}"),
+    ("administer", "PATCH", "/api/v1/sessions/{id}"),
+    ("administer", "PATCH", "/api/v1/reconstructions/{id}"),
+    ("administer", "PATCH", "/api/v1/uploads/{id}"),
+    ("view", "GET", "/api/v1/uploads/{id}/deletion"),
+    ("view", "GET", "/api/v1/trash"),
+    ("administer", "DELETE", "/api/v1/trash"),
+    ("administer", "DELETE", "/api/v1/trash/{id}"),
+    ("administer", "POST", "/api/v1/trash/{id}/restore"),
 ];
 
 #[test]

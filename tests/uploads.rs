@@ -157,9 +157,7 @@ fn the_page_lists_and_deletes_uploads_without_a_result() {
     browser.open(&format!("http://{}/#/results", service.address));
     browser.until("document.querySelectorAll('#unused-uploads li').length === 2");
     browser.click("#unused-uploads summary");
-    browser.click(&format!("[data-upload=\"{}\"] button", second.as_str().unwrap()));
-    browser.until("document.querySelector('dialog .danger')");
-    browser.click("dialog .danger");
+    browser.click(&format!("[data-upload=\"{}\"] button[aria-label^=Delete]", second.as_str().unwrap()));
     browser.until("document.querySelector('#notices').innerText.includes('is deleted')");
     browser.until("document.querySelectorAll('#unused-uploads li').length === 1");
     let left = service.get("/api/v1/uploads").expect(200).json()["items"].clone();

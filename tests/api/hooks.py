@@ -49,6 +49,22 @@ def running():
     return session
 
 
+def uploaded():
+    """An upload that nothing uses."""
+    edge = "--edge\r\nContent-Disposition: form-data; name="
+    form = f'{edge}"kind"\r\n\r\nsurface\r\n{edge}"file"; filename="a.txt"\r\n\r\n0 1\n1 0\n\r\n--edge--\r\n'
+    kind = {"Content-Type": "multipart/form-data; boundary=edge"}
+    with urllib.request.urlopen(urllib.request.Request(BASE + "/api/v1/uploads", form.encode(), kind)) as answer:
+        return json.load(answer)["id"]
+
+
+def deleted():
+    """An upload in the trash."""
+    upload = uploaded()
+    urllib.request.urlopen(urllib.request.Request(f"{BASE}/api/v1/uploads/{upload}", method="DELETE")).close()
+    return upload
+
+
 def pattern_page():
     """A page that acknowledges whatever it is asked to show."""
     stream = urllib.request.urlopen(f"{BASE}/api/v1/display/link?page={PAGE}")
@@ -69,6 +85,10 @@ SEEDED = json.loads(os.environ["NACRE_SEEDED"])
 def before_call(context, case, kwargs):
     path, method = case.operation.path, case.method.upper()
     sound = case.meta is None or case.meta.generation.mode.value == "positive"
+    if sound and path.startswith("/api/v1/uploads/{id}"):
+        case.path_parameters["id"] = uploaded()
+    elif sound and path.startswith("/api/v1/trash/{id}"):
+        case.path_parameters["id"] = deleted()
     if not sound or method != "POST":
         return
     steered = [path.endswith(end) for end in ("/pause", "/stop", "/abort")]

@@ -69,7 +69,7 @@ include-path-regex = "/reconstructions/"
 parameters = {{ "path.id" = "{job}", "path.file" = "orientation.png" }}
 
 [[operations]]
-include-path-regex = "/uploads/.*id"
+include-path-regex = "/uploads/.*id|/trash/"
 parameters = {{ "path.id" = "{unused}" }}
 
 [[operations]]

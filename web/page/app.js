@@ -14,6 +14,7 @@ import { resultPage } from "./result.js";
 import { resultsPage } from "./results.js";
 import { sessionPage } from "./session.js";
 import { sessionsPage } from "./sessions.js";
+import { trashPage } from "./trash.js";
 import { uploadPage } from "./upload.js";
 
 const ROUTES = {
@@ -25,6 +26,7 @@ const ROUTES = {
   result: ["Result", resultPage],
   results: ["Results", resultsPage],
   charts: ["Charts", chartsPage],
+  trash: ["Trash", trashPage],
   upload: ["Upload", uploadPage],
   render: ["Render", renderPage],
   // The viewer with its shaders is as much as all else, and is fetched when it is wanted.
@@ -48,7 +50,7 @@ async function route() {
   document.title = `${title} · Nacre`;
   const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll(".nav a"));
   for (const link of links) {
-    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && ["session", "result", "view"].includes(name)) || (link.hash === "#/bench" && name === "calibrate");
+    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && ["session", "result", "view", "trash"].includes(name)) || (link.hash === "#/bench" && name === "calibrate");
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }

@@ -10,6 +10,15 @@ export function tell(text) {
   put("good", text, null, null, 6000);
 }
 
+/** A message with a button for what can still be done about it; it goes away by itself, or once the button is used. */
+export function offer(text, label, act) {
+  const notice = put("good", text, null, null, 20_000);
+  notice.append(h("p", {}, h("button", { type: "button", onclick: () => {
+    notice.remove();
+    act();
+  } }, label)));
+}
+
 /** Shows what went wrong and what can be done; stays until it is closed. Requests given up on are no problem. */
 export function complain(problem) {
   if (problem?.name === "AbortError") return;
@@ -34,6 +43,7 @@ function put(tone, title, detail, remedy, ms) {
   region.append(notice);
   while (region.children.length > 4) region.firstElementChild?.remove();
   if (ms) setTimeout(() => notice.remove(), ms);
+  return notice;
 }
 
 /** A problem as part of a page. */

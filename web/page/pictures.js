@@ -7,10 +7,10 @@ import { bytes, count, duration, fixed, percent, plain, significant, words } fro
 import { reportOfCalibration, reportOfFoil, reportOfMap, warned } from "./assetreports.js";
 import { flashForm } from "./flashform.js";
 import { lutForm } from "./lutform.js";
+import { forFile, headingOf } from "./naming.js";
 import { operationForm } from "./operationform.js";
 import { exposure, reportOfRender } from "./rendering.js";
 
-const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light", spots: "Periods by fringes", flash: "Tiles under a flash", foil: "Dots of a foil", calibrate: "Calibration", map: "Edited maps", render: "Rendered scene" };
 const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots, flash: reportOfFlash, foil: reportOfFoil, calibrate: reportOfCalibration, map: reportOfMap, render: reportOfRender };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
@@ -59,11 +59,11 @@ export async function showPictures(main, job, signal) {
   const label = (name) => name.replace(/\.png$/, "").replace(/^\w/, (c) => c.toUpperCase());
   const links = files.map(({ name, bytes: size }) => {
     const link = h("a", { title: bytes(size) }, name);
-    makeDownload(link, `${base}/${encodeURIComponent(name)}`, `${job.id}-${name}`, complain);
+    makeDownload(link, `${base}/${encodeURIComponent(name)}`, `${forFile(job)}-${name}`, complain);
     return link;
   });
   main.append(
-    h("div", { class: "head" }, h("h1", { class: "grow" }, TITLES[job.method] ?? "Result"),
+    h("div", { class: "head" }, headingOf(job),
       files.some((f) => RENDERED.includes(f.name)) ? h("a", { class: "button", href: `#/render/${job.id}` }, "Render") : null,
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },

@@ -6,6 +6,7 @@ import { complain, problemMessage, tell } from "./feedback.js";
 import { degrees, duration, fixed, percent, significant } from "./format.js";
 import { bar, maskedKey, wheel } from "./legend.js";
 import { MapView } from "./mapview.js";
+import { forFile, headingOf } from "./naming.js";
 import { operationForm } from "./operationform.js";
 import { showPictures } from "./pictures.js";
 import { pixelChart } from "./pixelchart.js";
@@ -74,7 +75,7 @@ async function showProgress(main, job, signal) {
   } }, "Log");
   const seen = job.method === "render" ? soFar(job, signal) : null;
   const how = panel("Progress", h("div", { class: "row" }, cancel, retry, readLog), h("div", { class: "stack" }, state, progress, error, log));
-  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, seen ? "Rendering" : "Reconstruction")),
+  main.append(h("div", { class: "head" }, headingOf(job)),
     seen ? h("div", { class: "columns result" }, seen.element, how) : how);
   const paint = (/** @type {Job} */ now) => {
     const open = now.state === "queued" || now.state === "running";
@@ -143,7 +144,7 @@ function showMaps(main, job, signal) {
     say(meaning, shown === "period" ? periodMeaning(report.period) : (plain && PLAIN_MEANING[shown]) || MEANING[shown]);
     canvas.setAttribute("aria-label", `${maps.find(([key]) => key === shown)?.[1]} map. Arrows move it, plus and minus zoom, 0 shows all, Enter picks the middle, Shift with arrows goes from pixel to pixel.`);
     paintLegend(null);
-    for (const link of links) makeDownload(link, `${base}/maps/${shown}.${link.dataset.download}`, `${job.id}-${shown}.${link.dataset.download}`, complain);
+    for (const link of links) makeDownload(link, `${base}/maps/${shown}.${link.dataset.download}`, `${forFile(job)}-${shown}.${link.dataset.download}`, complain);
     view.reload();
   }
 
@@ -177,10 +178,8 @@ function showMaps(main, job, signal) {
     }
   } }, "Reconstruct again");
 
-  const title = h("h1", { class: "grow" }, "Result");
-  nameOf(job, signal).then((name) => name && say(title, name));
   main.append(
-    h("div", { class: "head" }, title,
+    h("div", { class: "head" }, headingOf(job),
       plain ? null : h("a", { class: "button primary", id: "to-view", href: `#/view/${job.id}` }, "Under a light"),
       plain ? null : h("a", { class: "button", href: `#/render/${job.id}` }, "Render"),
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
@@ -208,18 +207,6 @@ function periodMeaning({ heuristic, method }) {
 function periodVerdict(pixel, { heuristic }) {
   if (pixel.period_um === null) return "No period can be told.";
   return heuristic ? `Heuristic period ${fixed(pixel.period_um, 3)} µm.` : `Period ${fixed(pixel.period_um, 3)} ± ${significant(pixel.period_sigma_um, 2)} µm (noise alone) for the assumed surface.`;
-}
-
-/**
- * What the session is called; only a heading, so that a session deleted meanwhile is no problem.
- * @param {Job} job
- * @param {AbortSignal} signal
- */
-async function nameOf(job, signal) {
-  if (!job.session) return "";
-  /** @type {Session | null} */
-  const session = await get(`/sessions/${job.session}`, { signal }).catch(() => null);
-  return session?.name || session?.sample;
 }
 
 /** A pixel in words. */

@@ -6,6 +6,7 @@ import { complain } from "./feedback.js";
 import { bytes, degrees, duration, fileName, happened, moment, percent, words } from "./format.js";
 import { dial } from "./dial.js";
 import { bar, wheel } from "./legend.js";
+import { heading } from "./naming.js";
 import { prepare } from "./new.js";
 import { pretty } from "./plan.js";
 import { remedies } from "./remedy.js";
@@ -87,14 +88,13 @@ export async function sessionPage(main, { id, signal }) {
   const rose = wheel(112);
   addEventListener("themechange", () => rose.refresh(), { signal });
 
-  const title = session.name || session.sample || "Session";
   const repeat = h("a", { class: "button", href: "#/new", onclick: () => prepare(session.plan) }, "Repeat");
   const tableHolder = h("div", { class: "scroll" });
   const table = h("details", { ontoggle: () => table.open && paintFrames() }, h("summary", {}, "Frames"), tableHolder);
   const fileHolder = h("div", { class: "scroll" });
   const files = h("details", { ontoggle: () => files.open && paintFiles() }, h("summary", {}, "Files"), fileHolder);
   main.append(
-    h("div", { class: "head" }, h("h1", { class: "grow" }, title), resultLink, repeat),
+    h("div", { class: "head" }, heading(session.name, base), resultLink, repeat),
     h("div", { class: "columns session" },
       h("div", { class: "stack" },
         panel("Progress", h("div", { class: "row" }, Object.values(buttons)), h("div", { class: "stack" },

@@ -1,10 +1,11 @@
 // #/sessions: finding sessions again.
 
-import { get, picture, query, send, show } from "./api.js";
+import { get, picture, query, show } from "./api.js";
 import { field, firstOf, h, select, settle } from "./dom.js";
-import { complain, confirmed, problemMessage, tell } from "./feedback.js";
+import { complain, problemMessage } from "./feedback.js";
 import { bytes, fileName, moment, words } from "./format.js";
 import { KINDS } from "./plan.js";
+import { discard } from "./trash.js";
 
 const PAGE = 20;
 const TONES = { finished: "good", failed: "bad", idle: "warn", paused: "warn" };
@@ -29,7 +30,7 @@ export async function sessionsPage(main, { signal }) {
   const on = h("button", { type: "button", onclick: () => { trail.push(next); load(); } }, "Older");
   let next = null;
   const pager = h("div", { class: "row pager" }, back, on);
-  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Sessions"), h("a", { class: "button primary", href: "#/new" }, "New session")),
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Sessions"), h("a", { class: "button", href: "#/trash" }, "Trash"), h("a", { class: "button primary", href: "#/new" }, "New session")),
     h("div", { class: "panel filters fields", role: "search" }, field("Search", text), field("Kind", kind), field("State", state)),
     said, list, pager);
 
@@ -77,8 +78,8 @@ export async function sessionsPage(main, { signal }) {
 
   /** @param {Session} session */
   function card(session) {
-    const title = session.name || session.sample || "Untitled";
-    const remove = h("button", { type: "button", class: "quiet icon", "aria-label": `Delete ${title}`, title: "Delete", onclick: () => erase(session, title) }, "✕");
+    const title = session.name;
+    const remove = h("button", { type: "button", class: "quiet icon", "aria-label": `Delete ${title}`, title: "Delete", onclick: () => discard(`/sessions/${session.id}`, session, load) }, "✕");
     const element = h("li", { class: "panel card", "data-session": session.id },
       h("div", { class: "well thumb" }, h("img", { alt: "", hidden: true })),
       h("div", { class: "about" },
@@ -92,18 +93,6 @@ export async function sessionsPage(main, { signal }) {
     unseen.set(element, session);
     seen.observe(element);
     return element;
-  }
-
-  async function erase(session, title) {
-    try {
-      const { token, bytes: size, files } = await get(`/sessions/${session.id}/deletion`, { signal });
-      if (!(await confirmed(`Delete “${title}”?`, `${files} files, ${bytes(size)}, taken ${moment(session.created)}. They are gone for good.`, "Delete"))) return;
-      await send(`/sessions/${session.id}${query({ token })}`, { method: "DELETE" });
-      tell(`“${title}” is deleted.`);
-      await load();
-    } catch (problem) {
-      complain(problem);
-    }
   }
 
   try {

@@ -57,6 +57,7 @@ export async function uploadPage(main, { signal }) {
   const forms = Object.fromEntries(OFFERED.map((name) => [name, name === "flash" ? flash : name === "lut" ? lutForm() : operationForm(name)]));
   const values = field("Values", transfer);
   const angled = h("div", { class: "stack" }, field("Polarization by", source), sensor, field("Illumination", light, { hint: "Under a display behind a quarter-wave retarder, gratings get orientations; else plain polarimetry" }), field("Channel", channel));
+  const name = h("input", { id: "upload-name", maxlength: 200, placeholder: "From the names of the files", autocomplete: "off" });
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
@@ -68,7 +69,7 @@ export async function uploadPage(main, { signal }) {
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, listing))),
       h("div", { class: "stack" },
-        panel("Reconstruction", null, h("div", { class: "stack" }, field("What to make of them", method), values, angled, Object.values(forms).map((form) => form.element), about, problems, progress)))));
+        panel("Reconstruction", null, h("div", { class: "stack" }, field("What to make of them", method), field("Name", name), values, angled, Object.values(forms).map((form) => form.element), about, problems, progress)))));
 
   paint();
 
@@ -197,6 +198,7 @@ export async function uploadPage(main, { signal }) {
     const form = new FormData();
     const polarized = method.value === "polarization";
     form.append("kind", { polarization: "polarization", brdf: "surface", map: "maps" }[method.value] ?? "photographs");
+    if (name.value.trim()) form.append("name", name.value.trim());
     if (polarized) form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
     const described = method.value === "flash" && flash.frames();
     if (described) form.append("frames", described, "frames.json");

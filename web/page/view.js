@@ -4,6 +4,7 @@ import { get, hasToken, picture, query, send } from "./api.js";
 import { field, h, panel, save, select } from "./dom.js";
 import { complain, tell } from "./feedback.js";
 import { viewable } from "./finding.js";
+import { forFile } from "./naming.js";
 import { parseView } from "./parsed.js";
 import { stateOf, stateText, viewer } from "./viewer.js";
 
@@ -70,7 +71,7 @@ export async function viewPage(main, { id: given, signal }) {
   const others = select(options, "", { id: "view-with", onchange: (e) => compare(e.target.value) });
   const comparison = panel("Compare", null, field("Beside it, under the same light", others, { hint: "Drag the line between them, or move it with the arrow keys." }));
 
-  const name = `${job.id}-view`;
+  const name = `${forFile(job)}-view`;
   const keep = h("button", { type: "button", id: "view-export", onclick: async () => {
     keep.disabled = true;
     try {
@@ -87,7 +88,7 @@ export async function viewPage(main, { id: given, signal }) {
     await navigator.clipboard?.writeText(location.href).catch(complain);
     tell(hasToken() ? "The link is copied; whoever opens it needs the token." : "The link is copied.");
   } }, "Copy link");
-  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Under a light"), copy, keep, h("a", { class: "button", href: `#/result/${id}` }, "Result")));
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, `${job.name}, under a light`), copy, keep, h("a", { class: "button", href: `#/result/${id}` }, "Result")));
   const changed = (now) => {
     state = now;
     link();

@@ -78,6 +78,7 @@ interface Frame {
 /** A reconstruction; report and options differ with the method. */
 interface Upload {
     id: string;
+    name: string;
     created: number;
     files: number;
     bytes: number;
@@ -87,6 +88,7 @@ interface Upload {
 
 interface Job {
     id: string;
+    name: string;
     method: string;
     session: string | null;
     upload: string | null;
@@ -100,6 +102,17 @@ interface Job {
     options?: any;
     report?: any;
     so_far?: { passes: number; of: number; noise: number | null; seconds_left: number } | null;
+}
+
+/** A deleted thing that can be restored. */
+interface TrashItem {
+    id: string;
+    kind: "session" | "upload" | "reconstruction";
+    name: string;
+    deleted: number;
+    expires: number;
+    files: number;
+    bytes: number;
 }
 
 /** What a calibration of a camera found. */

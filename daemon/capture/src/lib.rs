@@ -5,6 +5,7 @@ mod failure;
 pub mod fields;
 pub mod guardian;
 pub mod import;
+pub mod naming;
 pub mod page;
 pub mod plan;
 pub mod rig;

@@ -134,7 +134,9 @@ fn is_ours(config: &Config, name: &str) -> bool {
 /// What a request needs.
 fn needed(method: &Method, path: &str) -> Role {
     match *method {
-        Method::DELETE => Role::Administer,
+        // Names and the trash belong to whoever may delete.
+        Method::DELETE | Method::PATCH => Role::Administer,
+        Method::POST if path.starts_with("/api/v1/trash/") => Role::Administer,
         // It binds the page of the panel, though it reads.
         _ if path == "/api/v1/display/link" => Role::Operate,
         _ if is_safe(method) => Role::View,
@@ -268,6 +270,9 @@ mod tests {
             assert!(!may("v", method.clone(), "/api/v1/display/link") && may("o", method, "/api/v1/display/link"));
         }
         assert!(may("o", Method::POST, "/api/v1/sessions") && !may("o", Method::DELETE, "/api/v1/sessions/x"));
+        for (method, path) in [(Method::PATCH, "/api/v1/sessions/x"), (Method::POST, "/api/v1/trash/x/restore")] {
+            assert!(!may("o", method.clone(), path) && may("a", method, path));
+        }
         assert!(may("a", Method::DELETE, "/api/v1/sessions/x") && !may("nobody", Method::GET, "/api/v1/devices"));
         assert!(allowed_to(&config, &Method::GET, "/api/v1/devices", &headers(&[])).is_err());
         assert!(allowed_to(&config, &Method::GET, "/", &headers(&[])).is_ok());

@@ -12,6 +12,9 @@ use serde::{Deserialize, Serialize};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
+/// Most days that anything stays in the trash.
+const LONGEST_IN_TRASH: u64 = 36_500;
+
 /// Configuration of the service.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -68,6 +71,11 @@ pub struct LimitsSection {
     pub upload_mib: u64,
     /// An upload that no reconstruction uses is deleted after this many days.
     pub upload_days: u64,
+    /// Days for which deleted sessions, uploads and results stay in the trash, 0 to 36500; 0 deletes at once. The trash
+    /// is emptied, and deletions are immediate, while less than 1 GiB or a twentieth of the disk is free, whichever is
+    /// smaller.
+    #[schemars(range(max = 36_500))]
+    pub trash_days: u64,
     /// A request that takes longer than this many seconds is ended, event streams and uploads apart.
     pub request_s: u64,
     /// A client that makes no progress for this many seconds is disconnected: no complete request header, and less than 16 KiB
@@ -103,6 +111,7 @@ impl Default for LimitsSection {
             body_kib: 1024,
             upload_mib: 4096,
             upload_days: 30,
+            trash_days: 7,
             request_s: 60,
             client_s: 20,
             requests: 64,
@@ -158,6 +167,9 @@ impl Config {
             if !(1..=1 << 30).contains(&value) {
                 return Err(format!("limits.{key} is {value}; give a number from 1 to {}", 1 << 30));
             }
+        }
+        if l.trash_days > LONGEST_IN_TRASH {
+            return Err(format!("limits.trash_days is {}; give 0 to {LONGEST_IN_TRASH}", l.trash_days));
         }
         if let Some(bad) = self.hosts.iter().find(|h| h.contains('/') && Address::of_origin(h).is_none()) {
             return Err(format!("hosts names {bad:?}; give a name, or an address such as https://bench.lab:8443"));

@@ -2,11 +2,12 @@
 
 use super::keeper::is_full;
 use super::problem::{Answer, Kind, Problem};
-use super::{App, At, Params, blocking, charts, files};
+use super::trash::{Deleted, Thing};
+use super::{App, At, Params, blocking, charts, files, naming};
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
-use nacre_capture::session::Session;
+use nacre_capture::session::lock;
 use nacre_store::catalogue::SessionRow;
 use nacre_store::jobs::{JobState, Refusal};
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,15 @@ pub struct Deletion {
     token: String,
     bytes: u64,
     files: usize,
+    /// Days for which it can be restored from the trash; 0: it is deleted at once.
+    trash_days: u64,
+}
+
+impl Deletion {
+    fn of(app: &App, id: &str, files: &[(String, u64)], trash_days: u64) -> Json<Self> {
+        let bytes = files.iter().map(|f| f.1).sum();
+        Json(Self { token: app.deletion_token(id), bytes, files: files.len(), trash_days })
+    }
 }
 
 /// Confirms a deletion.
@@ -36,12 +46,11 @@ pub struct Confirmation {
     params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
 pub async fn of_session(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
     let folder = app.existing_session(&id)?;
-    let token = app.deletion_token(&id);
     let files = blocking(move || Answer::Ok(files::list(&folder))).await?;
-    Ok(Json(Deletion { token, bytes: files.iter().map(|f| f.1).sum(), files: files.len() }))
+    Ok(Deletion::of(&app, &id, &files, app.trash_days()))
 }
 
-/// Deletes a session with all its files.
+/// Deletes a session with all its files: it goes to the trash.
 #[utoipa::path(delete, path = "/api/v1/sessions/{id}", tag = "sessions", operation_id = "delete_session",
     params(("id" = String, Path), Confirmation),
     responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -61,14 +70,18 @@ pub async fn session(
         return Err(Problem::new(Kind::Conflict, format!("reconstruction {job} of the session is not done"))
             .remedy("wait for it, or cancel it first"));
     }
-    let row = SessionRow::read(&folder).ok();
-    blocking(move || {
+    let _turn = app.trash_turn.lock().await;
+    let (owner, known) = (app.clone(), id.clone());
+    let row = blocking(move || {
         // Nobody else works on it: the session's own lock says so.
-        let session = Session::open(nacre_capture::session::RealDisk, &folder);
-        if session.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::WouldBlock) {
+        let locked = lock(&folder);
+        if locked.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::WouldBlock) {
             return Err(Problem::new(Kind::Busy, "another process works on the session"));
         }
-        removed(&folder)
+        let row = SessionRow::read(&folder).ok();
+        let name = row.as_ref().map_or_else(|| known.clone(), |row| row.name.clone());
+        owner.discard(&known, &Deleted::now(Thing::Session, name, None), &[folder])?;
+        Ok(row)
     })
     .await?;
     app.runs.remove(&id);
@@ -83,12 +96,12 @@ pub async fn session(
     params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
 pub async fn of_reconstruction(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
     let folders = folders(&app, &id).await?;
-    let token = app.deletion_token(&id);
     let files = blocking(move || Answer::Ok(folders.iter().flat_map(|f| files::list(f)).collect::<Vec<_>>())).await?;
-    Ok(Json(Deletion { token, bytes: files.iter().map(|f| f.1).sum(), files: files.len() }))
+    Ok(Deletion::of(&app, &id, &files, app.trash_days()))
 }
 
-/// Deletes a reconstruction that has ended, with all its files. Results of a session go with the session.
+/// Deletes a reconstruction that has ended, with all its files: they go to the trash. Results of a session go with the
+/// session.
 #[utoipa::path(delete, path = "/api/v1/reconstructions/{id}", tag = "reconstructions", operation_id = "delete_reconstruction",
     params(("id" = String, Path), Confirmation),
     responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -99,10 +112,22 @@ pub async fn reconstruction(
 ) -> Answer<StatusCode> {
     let folders = folders(&app, &id).await?;
     confirmed(&app, &id, &query)?;
-    let delete = move || folders.iter().try_for_each(|f| removed(f));
+    let _turn = app.trash_turn.lock().await;
+    let Some(saved) = app.jobs()?.saved(&id).await? else {
+        return Err(app.missing("reconstruction", &id));
+    };
+    let name = app.name_of(&saved.spec);
+    let deleted = Deleted::now(Thing::Reconstruction, name, Some(saved.clone()));
+    let (owner, known) = (app.clone(), id.clone());
+    let delete = move || owner.discard(&known, &deleted, &folders);
     // First from the queue, which refuses while it is worked on.
     match app.jobs()?.remove(&id).await {
-        Ok(()) => blocking(delete).await?,
+        Ok(()) => {
+            if let Err(problem) = blocking(delete).await {
+                app.jobs()?.restore(&saved).await?;
+                return Err(problem);
+            }
+        }
         // Forgetting a job takes some space too.
         Err(Refusal::Queue(error)) if is_full(&error) => {
             if matches!(app.job(&id).await?.state, JobState::Queued | JobState::Running) {
@@ -116,14 +141,42 @@ pub async fn reconstruction(
     Ok(StatusCode::NO_CONTENT)
 }
 
+/// What a deletion removes, and a token that confirms it, which the deletion of an upload does not need.
+#[utoipa::path(get, path = "/api/v1/uploads/{id}/deletion", tag = "reconstructions", operation_id = "upload_deletion",
+    params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
+pub async fn of_upload(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
+    let folder = app.existing_upload(&id)?;
+    let files = blocking(move || Answer::Ok(files::list(&folder))).await?;
+    Ok(Deletion::of(&app, &id, &files, app.trash_days()))
+}
+
+/// Deletes an upload that no reconstruction uses: it goes to the trash.
+#[utoipa::path(delete, path = "/api/v1/uploads/{id}", tag = "reconstructions", operation_id = "delete_upload",
+    params(("id" = String, Path)),
+    responses((status = 204), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn upload(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<StatusCode> {
+    let _turn = app.trash_turn.lock().await;
+    let folder = app.existing_upload(&id)?;
+    if let Some(job) = app.uploads_in_use().await?.get(&id).and_then(|jobs| jobs.first()) {
+        return Err(Problem::new(Kind::Conflict, format!("reconstruction {job} uses the upload"))
+            .remedy("delete that, and the upload goes with it"));
+    }
+    let owner = app.clone();
+    blocking(move || {
+        let deleted = Deleted::now(Thing::Upload, naming::of_upload(&folder), None);
+        owner.discard(&id, &deleted, &[folder])
+    })
+    .await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
 /// What a deletion removes, and the token that confirms it.
 #[utoipa::path(get, path = "/api/v1/charts/{folder}/deletion", tag = "charts", operation_id = "charts_deletion",
     params(("folder" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
 pub async fn of_charts(State(app): State<Arc<App>>, At(folder): At<String>) -> Answer<Json<Deletion>> {
     let (place, name) = (app.config.data.join("charts"), folder.clone());
     let files = blocking(move || Answer::Ok(files::list(&charts::existing(&place, &name)?))).await?;
-    let token = app.deletion_token(&format!("charts/{folder}"));
-    Ok(Json(Deletion { token, bytes: files.iter().map(|f| f.1).sum(), files: files.len() }))
+    Ok(Deletion::of(&app, &format!("charts/{folder}"), &files, 0))
 }
 
 /// Deletes a folder of charts, with the measurements behind them.

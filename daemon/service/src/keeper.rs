@@ -1,8 +1,8 @@
 //! The databases of the service, and the task that keeps its data folder in order: it opens and repairs databases that a full disk
-//! kept shut, deletes uploads that have expired, and tells when the disk is full.
+//! kept shut, deletes uploads that have expired and the trash, and tells when the disk is full.
 
 use super::problem::Problem;
-use super::{App, stored_uploads};
+use super::{App, stored_uploads, trash};
 use nacre_base::Error;
 use nacre_base::progress::Silent;
 use nacre_base::temporary::sweep_all;
@@ -24,14 +24,18 @@ const OFTEN: Duration = Duration::from_secs(1);
 /// How long a repair that failed is not tried again: it reads all sessions.
 const LATER: Duration = Duration::from_secs(10);
 
-/// How often uploads that have expired are looked for.
+/// How often uploads and things in the trash that have expired are looked for.
 const SELDOM: Duration = Duration::from_secs(3600);
 
 /// A disk with fewer bytes free is full: a database needs as much to be opened.
 const ROOM: u64 = 64 << 10;
 
+/// Disk space is short below this many free bytes, or a twentieth of the disk if that is less. The trash then keeps
+/// nothing.
+const SHORT: u64 = 1 << 30;
+
 /// Folders in the data folder.
-const FOLDERS: [&str; 3] = ["sessions", "reconstructions", "uploads"];
+const FOLDERS: [&str; 4] = ["sessions", "reconstructions", "uploads", "trash"];
 
 /// The databases. On a full disk the service begins with a catalogue in memory and without a job queue, so that sessions and
 /// uploads can be deleted.
@@ -142,14 +146,25 @@ impl Stores {
         self.is_full().then(|| full.to_string()).into_iter().chain(queue).collect()
     }
 
+    /// Bytes of the disk that are free, and all of them.
+    fn space(&self) -> [u64; 2] {
+        // What cannot be asked is not full.
+        statvfs(&self.data).map_or([u64::MAX; 2], |disk| {
+            // Part of a disk may be reserved for the administrator.
+            let free = if geteuid().is_root() { disk.f_bfree } else { disk.f_bavail };
+            [free, disk.f_blocks].map(|blocks| blocks.saturating_mul(disk.f_frsize))
+        })
+    }
+
+    /// Whether disk space is so short that nothing is kept in the trash.
+    pub fn is_short(&self) -> bool {
+        let [free, all] = self.space();
+        free < SHORT.min(all / 20).max(ROOM)
+    }
+
     /// Looks whether the disk is full.
     fn look(&self) {
-        // What cannot be asked is not full.
-        let free = statvfs(&self.data).map_or(u64::MAX, |disk| {
-            // Part of a disk may be reserved for the administrator.
-            let blocks = if geteuid().is_root() { disk.f_bfree } else { disk.f_bavail };
-            blocks.saturating_mul(disk.f_frsize)
-        });
+        let [free, _] = self.space();
         let full = free < ROOM;
         if self.full.swap(full, Ordering::Relaxed) != full {
             match full {
@@ -245,9 +260,17 @@ pub async fn keep(app: Arc<App>) {
                 tracing::warn!("not repaired yet: {error}");
             }
         }
+        if app.stores.is_short()
+            && let Err(problem) = trash::make_room(&app).await
+        {
+            tracing::warn!("the trash is not emptied: {problem}");
+        }
         app.heavy.forget_idle();
         if expired.is_none_or(|then| then.elapsed() >= SELDOM) && app.stores.jobs().is_some() {
             expired = Some(Instant::now());
+            if let Err(problem) = trash::expire(&app).await {
+                tracing::warn!("the trash is not emptied: {problem}");
+            }
             if let Err(problem) = stored_uploads::expire(&app).await {
                 tracing::warn!("expired uploads stay: {problem}");
             }

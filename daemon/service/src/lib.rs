@@ -19,6 +19,7 @@ mod maps;
 mod measure;
 mod methods;
 mod metrics;
+mod naming;
 mod operations;
 mod paths;
 mod plans;
@@ -35,6 +36,7 @@ mod session_doc;
 mod sessions;
 mod stored_uploads;
 mod supervised;
+mod trash;
 mod uploads;
 pub mod view;
 pub mod work;
@@ -113,6 +115,8 @@ pub struct App {
     pub keys: Keys,
     /// Places for work that takes much memory.
     pub heavy: Arc<Heavy>,
+    /// Held while things are moved into the trash, out of it, or deleted from it.
+    pub trash_turn: tokio::sync::Mutex<()>,
     /// Makes deletion tokens that nobody can guess, new with each start.
     secret: String,
 }
@@ -186,6 +190,7 @@ impl App {
             metrics: Metrics::default(),
             keys: Keys::open(&config.data),
             heavy: Arc::default(),
+            trash_turn: tokio::sync::Mutex::default(),
             secret: [(); 2].map(|()| Ulid::generate().to_string()).concat(),
             config,
         }))
@@ -210,7 +215,7 @@ impl App {
             (true, _) => Ok(folder),
             (false, Some(_)) => Err(Problem::new(Kind::Conflict, "the session has no files yet")
                 .remedy("wait until its first frame is taken")),
-            (false, None) => Err(Problem::not_found(format!("session {id}"))),
+            (false, None) => Err(self.missing("session", id)),
         }
     }
 

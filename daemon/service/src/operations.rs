@@ -24,6 +24,9 @@ const PATH: &str = "/api/v1/operations/{name}";
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Order {
+    /// Name of the result, at most 200 characters. Default: derived from the operation and the name of its input.
+    #[schema(max_length = 200)]
+    name: Option<String>,
     /// A session.
     session: Option<String>,
     /// Or an upload.
@@ -77,9 +80,10 @@ pub async fn run(
 ) -> Answer<Response> {
     let unknown = || Problem::not_found(format!("operation {name}")).remedy(format!("choose one of {}", names()));
     let method = Method::of(&name).ok_or_else(unknown)?;
-    let Order { session, upload, light, options } = body;
+    let Order { name, session, upload, light, options } = body;
+    let name = super::naming::asked(name)?;
     super::reconstruction_request::check_input(method, [session.as_ref(), upload.as_ref()], light.as_ref())?;
-    let spec = Spec { id: String::new(), operation: method, options, session, upload, light };
+    let spec = Spec { id: String::new(), name, operation: method, options, session, upload, light };
     submit(&app, spec, key).await
 }
 

@@ -1,5 +1,6 @@
 //! The body of `POST /api/v1/reconstructions`.
 
+use super::naming::asked;
 use super::problem::{Answer, Problem};
 use nacre_base::operation::Input;
 use nacre_capture::plan::Method;
@@ -14,6 +15,9 @@ use utoipa::ToSchema;
 #[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
+    /// Name of the reconstruction, at most 200 characters. Default: its result and the name of its input.
+    #[schema(max_length = 200)]
+    name: Option<String>,
     /// A session.
     pub session: Option<String>,
     /// Or uploaded photographs.
@@ -82,6 +86,7 @@ impl Request {
         };
         Ok(Spec {
             id: String::new(),
+            name: asked(self.name)?,
             operation,
             options,
             session: self.session,
@@ -97,7 +102,7 @@ impl Request {
             _ => Map::new(),
         };
         all.retain(|key, value| {
-            !value.is_null() && !["session", "upload", "light", "method", "options"].contains(&key.as_str())
+            !value.is_null() && !["name", "session", "upload", "light", "method", "options"].contains(&key.as_str())
         });
         all
     }

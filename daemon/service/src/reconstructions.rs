@@ -1,6 +1,7 @@
 //! `/api/v1/reconstructions`: jobs, and what they found.
 
 use super::keys::{Key, Keyed};
+use super::naming::result_of;
 use super::paths::without_folders;
 use super::problem::{Answer, Kind, Problem};
 use super::reconstruction_request::Request;
@@ -13,6 +14,7 @@ use axum::response::{IntoResponse, Response};
 use nacre_base::estimate::{Estimate, Machine, Work};
 use nacre_base::operation::Input;
 use nacre_capture::fields::fields;
+use nacre_capture::naming::of_session;
 use nacre_capture::plan::Method;
 use nacre_capture::session::SESSION_FILE;
 use nacre_render::SoFar;
@@ -37,6 +39,8 @@ pub struct Needs {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Reconstruction {
     id: String,
+    /// As given, else its result and the name of its input.
+    name: String,
     session: Option<String>,
     upload: Option<String>,
     /// The photographs of its light, where there are any.
@@ -101,7 +105,7 @@ impl App {
     /// `not-found` when there is none.
     pub async fn job(&self, id: &str) -> Answer<Job> {
         super::check_id(id)?;
-        self.jobs()?.get(id).await?.ok_or_else(|| Problem::not_found(format!("reconstruction {id}")))
+        self.jobs()?.get(id).await?.ok_or_else(|| self.missing("reconstruction", id))
     }
 
     /// Of a job, or of a session with its own results.
@@ -137,11 +141,13 @@ impl App {
         }
     }
 
-    fn describe(&self, job: Job, with_report: bool) -> Reconstruction {
+    /// A job as it is shown.
+    pub fn describe(&self, job: Job, with_report: bool) -> Reconstruction {
         let folder = self.result_folder(&job.id);
         let so_far = if job.state == JobState::Running { self.renders.of(&job.id).map(|g| g.so_far) } else { None };
         let report = if with_report && job.state == JobState::Done { files::report(&folder).ok() } else { None };
         Reconstruction {
+            name: self.name_of(&job.spec),
             id: job.id,
             session: job.session,
             upload: job.upload,
@@ -173,8 +179,10 @@ impl App {
         let Ok(bytes) = files::report(&folder.join("results")) else { return Ok(None) };
         let session = nacre_capture::session::SessionFile::read(&folder).ok();
         let order = session.as_ref().and_then(|f| f.plan.reconstruct.clone()).unwrap_or_default();
+        let input = session.as_ref().map_or_else(String::new, |session| of_session(&folder, &session.plan));
         Ok(Some(Reconstruction {
             id: id.to_owned(),
+            name: result_of(order.operation, &input),
             session: Some(id.to_owned()),
             upload: None,
             light: None,
@@ -222,6 +230,7 @@ pub async fn submit(app: &Arc<App>, mut spec: Spec, key: Option<Key>) -> Answer<
     // Refused here rather than by the job, so that whoever asks learns it at once.
     app.work_of(&spec).await?;
     spec.id = turn.begin();
+    spec.name = app.name_of(&spec);
     let job = app.jobs()?.submit(spec).await?;
     Ok(accepted(app.describe(job, false)))
 }

@@ -3,8 +3,8 @@
 use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
-    App, access, charts, connections, deletion, devices, display, measure, operations, plans, reconstructions, renders,
-    results, session_data, sessions, stored_uploads, uploads, view,
+    App, access, charts, connections, deletion, devices, display, measure, naming, operations, plans, reconstructions,
+    renders, results, session_data, sessions, stored_uploads, trash, uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
@@ -75,7 +75,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(plans::check))
         .routes(routes!(plans::estimate))
         .routes(routes!(sessions::begin, sessions::list))
-        .routes(routes!(sessions::get, deletion::session))
+        .routes(routes!(sessions::get, naming::session, deletion::session))
         .routes(routes!(sessions::pause))
         .routes(routes!(sessions::resume))
         .routes(routes!(sessions::stop))
@@ -90,7 +90,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(operations::run))
         .routes(routes!(reconstructions::begin, reconstructions::list))
         .routes(routes!(reconstructions::estimate))
-        .routes(routes!(reconstructions::get, deletion::reconstruction))
+        .routes(routes!(reconstructions::get, naming::reconstruction, deletion::reconstruction))
         .routes(routes!(deletion::of_reconstruction))
         .routes(routes!(reconstructions::cancel))
         .routes(routes!(reconstructions::retry))
@@ -103,7 +103,11 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(results::pixel))
         .routes(routes!(uploads::angles))
         .routes(routes!(stored_uploads::list))
-        .routes(routes!(stored_uploads::delete))
+        .routes(routes!(naming::upload, deletion::upload))
+        .routes(routes!(deletion::of_upload))
+        .routes(routes!(trash::list, trash::empty))
+        .routes(routes!(trash::delete))
+        .routes(routes!(trash::restore))
         .routes(routes!(view::view))
         .routes(routes!(view::file))
         .routes(routes!(charts::list))

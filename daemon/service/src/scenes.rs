@@ -16,17 +16,19 @@ pub const EXTENSIONS: &[&str] = &[
 /// What a scene can use of a result.
 const MAPS: [&str; 3] = ["orientation.exr", "period.exr", "lut.exr"];
 
-/// Puts into a folder what a scene begins with: one of the `gallery` by its name, or the maps of a `result` by its id.
+/// Puts the beginning of a scene into a folder: one of the `gallery` by its name, or the maps of a `result` by its id.
+/// Answers with the name of that.
 ///
 /// # Errors
 /// `bad-request` for names that no scene has and results without maps; `not-found` for ids that nothing has.
-pub async fn begin(app: &App, part: &str, named: String, folder: &Path) -> Answer<()> {
+pub async fn begin(app: &App, part: &str, named: String, folder: &Path) -> Answer<String> {
     let folder = folder.to_path_buf();
     if part == "gallery" {
-        return blocking(move || from_gallery(&folder, &named)).await;
+        return blocking(move || from_gallery(&folder, &named).map(|()| named)).await;
     }
     let results = app.place(&named).await?.results;
-    blocking(move || add_maps(&folder, &results)).await
+    blocking(move || add_maps(&folder, &results)).await?;
+    app.name_of_result(&named).await
 }
 
 fn from_gallery(folder: &Path, name: &str) -> Answer<()> {

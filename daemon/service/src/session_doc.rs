@@ -5,6 +5,7 @@ use super::paths::without_folders;
 use super::problem::{Answer, Problem};
 use super::runs::Run;
 use nacre_capture::engine::State as RunState;
+use nacre_capture::naming;
 use nacre_capture::plan::Plan;
 use nacre_capture::session::{Ending, Journal, SESSION_FILE, SessionFile, SoFar, Timing, unreadable_journal};
 use nacre_drivers::DeviceError;
@@ -19,6 +20,7 @@ const CUT_OFF: &str = "its process was killed, or power failed; resume the sessi
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct SessionDoc {
     id: String,
+    /// As given, else that in the plan, else the sample, else the kind of plan.
     name: String,
     sample: String,
     operator: String,
@@ -69,7 +71,7 @@ impl SessionDoc {
         let folder = app.session_folder(id)?;
         let run = app.run(id);
         if !folder.join(SESSION_FILE).exists() {
-            let run = run.ok_or_else(|| Problem::not_found(format!("session {id}")))?;
+            let run = run.ok_or_else(|| app.missing("session", id))?;
             return Ok(Self::without_folder(&run, with_plan));
         }
         let row = SessionRow::read(&folder)?;
@@ -121,7 +123,7 @@ impl SessionDoc {
         let plan = &run.plan;
         let mut doc = Self {
             id: run.id.clone(),
-            name: plan.name.clone(),
+            name: naming::of_plan(plan),
             sample: plan.sample.clone(),
             operator: plan.operator.clone(),
             notes: plan.notes.clone(),

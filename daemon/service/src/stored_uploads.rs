@@ -1,10 +1,10 @@
 //! Uploads that are stored: which there are, and what becomes of those that nobody needs any more.
 
-use super::problem::{Answer, Kind, Problem};
-use super::{App, At, blocking, check_id, files};
+use super::problem::Answer;
+use super::{App, blocking, check_id, files, naming};
 use axum::Json;
 use axum::extract::State;
-use axum::http::StatusCode;
+use nacre_capture::naming::ABOUT_FILE;
 use serde::Serialize;
 use std::collections::HashMap;
 use std::path::Path;
@@ -23,6 +23,8 @@ const EARLIER: &str = ".upload-";
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct StoredUpload {
     id: String,
+    /// As given, else derived from the files.
+    name: String,
     /// When it was begun, in Unix seconds.
     created: u64,
     files: usize,
@@ -55,7 +57,7 @@ fn made(id: &str) -> Duration {
 
 impl App {
     /// Uploads that reconstructions use, with these. None can begin while the queue is not open.
-    async fn uploads_in_use(&self) -> Answer<HashMap<String, Vec<String>>> {
+    pub async fn uploads_in_use(&self) -> Answer<HashMap<String, Vec<String>>> {
         match self.stores.jobs() {
             Some(jobs) => Ok(jobs.uploads().await?),
             None => Ok(HashMap::new()),
@@ -66,6 +68,21 @@ impl App {
     fn upload_lifetime(&self) -> Duration {
         Duration::from_secs(self.config.limits.upload_days * 24 * 3600)
     }
+
+    /// An upload that is there.
+    pub async fn stored_upload(&self, id: String) -> Answer<StoredUpload> {
+        let reconstructions = self.uploads_in_use().await?.remove(&id).unwrap_or_default();
+        let (folder, lifetime) = (self.upload_folder(&id)?, self.upload_lifetime());
+        blocking(move || Ok(describe(&folder, id, reconstructions, lifetime))).await
+    }
+}
+
+fn describe(folder: &Path, id: String, reconstructions: Vec<String>, lifetime: Duration) -> StoredUpload {
+    let mut all = files::list(folder);
+    all.retain(|(name, _)| name != ABOUT_FILE);
+    let expires = reconstructions.is_empty().then(|| (made(&id) + lifetime).as_secs());
+    let (created, bytes) = (made(&id).as_secs(), all.iter().map(|file| file.1).sum());
+    StoredUpload { name: naming::of_upload(folder), id, created, files: all.len(), bytes, reconstructions, expires }
 }
 
 /// Uploads, newest first, at most 1000.
@@ -75,33 +92,13 @@ pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<UploadList>> {
     let mut in_use = app.uploads_in_use().await?;
     let (folder, lifetime) = (app.config.data.join("uploads"), app.upload_lifetime());
     let items = blocking(move || {
-        let describe = |id: String| {
-            let all = files::list(&folder.join(&id));
+        let described = |id: String| {
             let reconstructions = in_use.remove(&id).unwrap_or_default();
-            let expires = reconstructions.is_empty().then(|| (made(&id) + lifetime).as_secs());
-            let (created, bytes) = (made(&id).as_secs(), all.iter().map(|file| file.1).sum());
-            StoredUpload { id, created, files: all.len(), bytes, reconstructions, expires }
+            describe(&folder.join(&id), id, reconstructions, lifetime)
         };
-        Ok(ids(&folder).into_iter().take(MOST).map(describe).collect())
+        Ok(ids(&folder).into_iter().take(MOST).map(described).collect())
     });
     Ok(Json(UploadList { items: items.await? }))
-}
-
-/// Deletes an upload that no reconstruction uses.
-#[utoipa::path(delete, path = "/api/v1/uploads/{id}", tag = "reconstructions", operation_id = "delete_upload",
-    params(("id" = String, Path)),
-    responses((status = 204), (status = 404, body = Problem), (status = 409, body = Problem)))]
-pub async fn delete(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<StatusCode> {
-    let folder = app.upload_folder(&id)?;
-    if !folder.is_dir() {
-        return Err(Problem::not_found(format!("upload {id}")));
-    }
-    if let Some(job) = app.uploads_in_use().await?.get(&id).and_then(|jobs| jobs.first()) {
-        return Err(Problem::new(Kind::Conflict, format!("reconstruction {job} uses the upload"))
-            .remedy("delete that, and the upload goes with it"));
-    }
-    blocking(move || super::deletion::removed(&folder)).await?;
-    Ok(StatusCode::NO_CONTENT)
 }
 
 /// Deletes the uploads that have expired.

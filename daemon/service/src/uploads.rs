@@ -2,7 +2,7 @@
 
 use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
-use super::{App, Body, scenes};
+use super::{App, Body, blocking, naming, scenes};
 use axum::extract::multipart::{Field, MultipartRejection};
 use axum::extract::{Multipart, State};
 use axum::http::StatusCode;
@@ -12,6 +12,7 @@ use nacre_base::temporary::TemporaryFolder;
 use nacre_base::text::read_text;
 use nacre_brdf::height;
 use nacre_capture::import::{from_names, named_angles, with_transfer};
+use nacre_capture::naming::give;
 use nacre_frames::{FILE_NAME, load};
 use nacre_image::{EXTENSIONS, info};
 use nacre_maps::Maps;
@@ -27,6 +28,9 @@ const MAX_FILES: usize = 4096;
 /// Longest name of a file, in bytes.
 const LONGEST_NAME: usize = 200;
 
+/// Longest text in a form that is read, in bytes, but for the rest of its last part.
+const LONGEST_WORD: usize = 1024;
+
 /// Largest description of an upload, in bytes.
 const MAX_DESCRIPTION: u64 = 16 << 20;
 
@@ -34,6 +38,7 @@ const MAX_DESCRIPTION: u64 = 16 << 20;
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Uploaded {
     id: String,
+    name: String,
     files: usize,
     bytes: u64,
 }
@@ -50,6 +55,8 @@ pub struct Uploaded {
 pub struct Form {
     /// `polarization` (the default), `photographs`, `surface`, `maps` or `scene`.
     kind: Option<String>,
+    /// At most 200 characters. Without it, the name is derived from the files, `gallery` or `result`.
+    name: Option<String>,
     /// Of the kind `scene`: `cd`, `phone`, `tv`, `star-paper`, `kinematic-tile`, `logo`, `emblem`, `spiral-foil`, `rolled` or `snake`, or one of
     /// them with `-room` for an environment instead of small lights.
     gallery: Option<String>,
@@ -69,6 +76,15 @@ impl App {
     pub fn upload_folder(&self, id: &str) -> Answer<PathBuf> {
         super::check_id(id)?;
         Ok(self.config.data.join("uploads").join(id))
+    }
+
+    /// Folder of an upload.
+    ///
+    /// # Errors
+    /// `not-found` when there is none.
+    pub fn existing_upload(&self, id: &str) -> Answer<PathBuf> {
+        let folder = self.upload_folder(id)?;
+        if folder.is_dir() { Ok(folder) } else { Err(self.missing("upload", id)) }
     }
 }
 
@@ -90,7 +106,8 @@ pub async fn upload(
     std::fs::rename(folder.path(), &target).map_err(refused)?;
     // It is not there under this name any more.
     folder.keep();
-    Ok((StatusCode::CREATED, Json(Uploaded { id, files, bytes })).into_response())
+    let name = blocking(move || Ok(naming::of_upload(&target))).await?;
+    Ok((StatusCode::CREATED, Json(Uploaded { id, name, files, bytes })).into_response())
 }
 
 fn refused(error: std::io::Error) -> Problem {
@@ -128,7 +145,7 @@ pub async fn angles(Body(Names { names }): Body<Names>) -> Answer<Json<Angles>> 
 
 async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
     let most = app.config.limits.upload_mib << 20;
-    let (mut files, mut bytes, mut what, mut begun) = (0, 0, What::Polarization, false);
+    let (mut files, mut bytes, mut what, mut begun, mut name) = (0, 0, What::Polarization, false, String::new());
     loop {
         let Some(field) =
             form.next_field().await.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))?
@@ -140,6 +157,10 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
                 what = kind(&word(field).await?)?;
                 continue;
             }
+            Some("name") => {
+                name = naming::asked(Some(word(field).await?))?;
+                continue;
+            }
             Some(part @ ("gallery" | "result")) if what == What::Scene => {
                 if std::mem::replace(&mut begun, true) {
                     return Err(Problem::bad("a scene begins with more than one gallery or result").remedy("give one"));
@@ -147,20 +168,21 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
                 let part = part.to_owned();
                 let word = word(field).await?;
                 let _work = activity.work();
-                scenes::begin(app, &part, word, folder).await?;
+                let source = scenes::begin(app, &part, word, folder).await?;
+                name = Some(name).filter(|name| !name.is_empty()).unwrap_or(source);
                 continue;
             }
             _ => {}
         }
-        let name = file_name(&field, what)?;
-        files += usize::from(name != FILE_NAME);
+        let file = file_name(&field, what)?;
+        files += usize::from(file != FILE_NAME);
         if files > MAX_FILES {
             return Err(Problem::new(Kind::TooLarge, format!("more than {MAX_FILES} photographs")));
         }
         if what == What::Surface && files > 1 {
             return Err(Problem::bad("more than one height field").remedy("send one part named file"));
         }
-        bytes += store(field, &folder.join(&name), most.saturating_sub(bytes)).await?;
+        bytes += store(field, &folder.join(&file), most.saturating_sub(bytes)).await?;
     }
     if files == 0 && what != What::Scene {
         return Err(Problem::bad("the form holds no photograph").remedy("send parts named file with file names"));
@@ -177,7 +199,10 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
                 // Its scale is not known before it is asked for a BRDF, which reads it.
                 What::Surface => {}
                 What::Maps => Maps::read(&folder).map(drop)?,
-                What::Scene => return scenes::complete(&folder),
+                What::Scene => (files, bytes) = scenes::complete(&folder)?,
+            }
+            if !name.is_empty() {
+                give(&folder, &name)?;
             }
             Ok((files, bytes))
         })
@@ -249,7 +274,7 @@ async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
 /// A short text.
 async fn word(mut field: Field<'_>) -> Answer<String> {
     let mut word = vec![];
-    while word.len() < 80 {
+    while word.len() < LONGEST_WORD {
         match field.chunk().await.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? {
             Some(chunk) => word.extend_from_slice(&chunk),
             None => break,

@@ -267,8 +267,11 @@ fn write_whole(disk: &impl Disk, folder: &Path, name: &str, bytes: &[u8]) -> io:
     disk.sync_dir(target.parent().unwrap_or(folder))
 }
 
-/// Prevents a second process from capturing into the same session; the system releases the lock when the process ends.
-fn lock(folder: &Path) -> io::Result<File> {
+/// Keeps a second process from capturing into the same session while the file is open.
+///
+/// # Errors
+/// `WouldBlock` while another process has the session open; otherwise as the system answers.
+pub fn lock(folder: &Path) -> io::Result<File> {
     let file = input::open(&folder.join(SESSION_FILE), MAX_DESCRIPTION)?;
     file.try_lock()?;
     Ok(file)

@@ -7,6 +7,7 @@ mod survey;
 
 pub use row::{SessionRow, State};
 pub use search::{Cursor, Page, Query};
+pub use survey::DELETED_FILE;
 
 use crate::sqlite::{self, BUSY, CORRUPT, ERROR, NOT_A_DATABASE, is_new, primary_code};
 use nacre_base::Error;

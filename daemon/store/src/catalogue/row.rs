@@ -1,6 +1,7 @@
 //! One session as the catalogue knows it.
 
 use nacre_base::Error;
+use nacre_capture::naming;
 use nacre_capture::plan::word;
 use nacre_capture::session::{Journal, SESSION_FILE, SessionFile, sha256, unreadable_journal};
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,7 @@ pub struct SessionRow {
     pub id: String,
     /// Canonical path of the session folder.
     pub folder: String,
-    /// Name of the session.
+    /// Name of the session: given, or derived from its plan.
     pub name: String,
     /// What lay on the table.
     pub sample: String,
@@ -83,7 +84,7 @@ impl SessionRow {
             frames_committed: taken as u32,
             created: i64::try_from(session.created).unwrap_or(i64::MAX),
             bytes: size(&folder, 0).map_err(|e| bad(&folder, e))?,
-            name: session.plan.name,
+            name: naming::of_session(&folder, &session.plan),
             sample: session.plan.sample,
             operator: session.plan.operator,
             notes: session.plan.notes,

@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 /// Levels below a root that are searched.
 const MAX_DEPTH: usize = 8;
 
+/// Name of the file that a folder has once it is deleted; nothing below it is searched.
+pub const DELETED_FILE: &str = "deleted.json";
+
 /// Reads all sessions under the roots; also returns what could not be read.
 pub(super) async fn survey(
     roots: &[PathBuf],
@@ -76,6 +79,9 @@ fn list(folder: &Path) -> io::Result<Listing> {
         let kind = entry.file_type()?;
         if kind.is_file() && entry.file_name() == SESSION_FILE {
             return Ok(Listing::Session);
+        }
+        if entry.file_name() == DELETED_FILE {
+            return Ok(Listing::Folders(vec![]));
         }
         if kind.is_dir() {
             folders.push(entry.path());

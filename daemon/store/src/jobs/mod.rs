@@ -13,6 +13,7 @@
 mod live;
 mod record;
 mod row;
+mod saved;
 mod spec;
 mod store;
 #[cfg(test)]
@@ -26,6 +27,7 @@ use nacre_capture::Failure;
 use nacre_capture::plan::Method;
 use nacre_frames::Transfer;
 use record::Record;
+pub use saved::Saved;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 pub use spec::polarization_options;
@@ -51,8 +53,11 @@ const CHANGES: usize = 256;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "spec::Stored")]
 pub struct Spec {
-    /// A ULID: the job's name, and when it was made.
+    /// A ULID, which holds when it was made.
     pub id: String,
+    /// Its name. Jobs of earlier versions have none.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub name: String,
     /// The operation.
     pub operation: Method,
     /// Its options, by their keys; those that are left out have their defaults.

@@ -10,6 +10,8 @@ use serde_json::{Map, Value};
 #[derive(Deserialize)]
 pub(super) struct Stored {
     id: String,
+    #[serde(default)]
+    name: String,
     #[serde(default, alias = "method")]
     operation: Method,
     options: Option<Map<String, Value>>,
@@ -24,13 +26,13 @@ impl TryFrom<Stored> for Spec {
     type Error = String;
 
     fn try_from(stored: Stored) -> Result<Self, String> {
-        let Stored { id, operation, options, session, upload, light, rest } = stored;
+        let Stored { id, name, operation, options, session, upload, light, rest } = stored;
         let options = match options {
             Some(options) => options,
             None if operation.is("polarization") => polarization_options(rest)?,
             None => Map::new(),
         };
-        Ok(Self { id, operation, options, session, upload, light })
+        Ok(Self { id, name, operation, options, session, upload, light })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::record::Record;
 use super::row::{append, job, read};
-use super::{Job, JobState, Refusal, Spec};
+use super::{Job, JobState, Refusal, Saved, Spec};
 use crate::sqlite::{self, CORRUPT, ERROR, NOT_A_DATABASE, is_new, primary_code};
 use apalis::prelude::{TaskBuilder, TaskId};
 use apalis_sqlite::{SqliteStorage, queries::push_tasks};
@@ -247,6 +247,33 @@ impl Store {
             }
             Some(_) => Ok(()),
         }
+    }
+
+    pub async fn rename(&self, id: &str, name: &str) -> Result<(), Error> {
+        let update = sqlx::query("UPDATE nacre_job SET spec = json_set(spec, '$.name', ?2) WHERE id = ?1");
+        update.bind(id).bind(name).execute(&self.pool).await.map(drop).map_err(|e| self.fault(e))
+    }
+
+    /// Adds a job that has ended, without a delivery.
+    pub async fn restore(&self, saved: &Saved) -> Result<(), Error> {
+        let bad = |problem: &str| Error::input(format!("job {}", saved.spec.id), problem, "ask for it anew");
+        if matches!(saved.state, JobState::Queued | JobState::Running) {
+            return Err(bad("had not ended"));
+        }
+        let insert = "INSERT INTO nacre_job (id, spec, state, attempts, progress, stage, error, cancel, log)
+            VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, 0, ?8) ON CONFLICT DO NOTHING";
+        let inserted = sqlx::query(insert)
+            .bind(&saved.spec.id)
+            .bind(serde_json::to_string(&saved.spec).map_err(|e| bad(&e.to_string()))?)
+            .bind(saved.state.word())
+            .bind(saved.attempts)
+            .bind(saved.progress)
+            .bind(&saved.stage)
+            .bind(&saved.error)
+            .bind(&saved.log)
+            .execute(&self.pool)
+            .await;
+        inserted.map(drop).map_err(|e| self.fault(e))
     }
 
     /// Uploads that jobs need, each with one of the jobs: what they work on, or their light.

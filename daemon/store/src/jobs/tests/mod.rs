@@ -32,6 +32,7 @@ fn act(spec: &Spec, progress: &dyn Progress) -> Result<(), Failure> {
 fn spec(model: &str) -> Spec {
     Spec {
         id: ulid::Ulid::generate().to_string(),
+        name: String::new(),
         session: Some("s1".into()),
         upload: None,
         light: None,
@@ -332,4 +333,28 @@ async fn a_worker_that_fails_is_replaced() {
     let id = jobs.submit(spec("well")).await.unwrap().id;
     reach(&jobs, &id, JobState::Done).await;
     jobs.shutdown().await;
+}
+
+#[tokio::test]
+async fn a_removed_job_is_restored_with_its_name_and_log() {
+    let home = tempfile::tempdir().unwrap();
+    let jobs = Jobs::open(home.path(), Arc::new(|_, _| Ok(()))).await.unwrap();
+    let id = jobs.submit(spec("m")).await.unwrap().id;
+    while jobs.get(&id).await.unwrap().unwrap().state != JobState::Done {
+        sleep(Duration::from_millis(5)).await;
+    }
+    let job = jobs.rename(&id, "Scheibe „7“").await.unwrap();
+    assert_eq!(job.spec, Spec { name: "Scheibe „7“".into(), id: id.clone(), ..spec("m") });
+    let saved = jobs.saved(&id).await.unwrap().unwrap();
+    let log = jobs.log(&id).await.unwrap();
+    jobs.remove(&id).await.unwrap();
+    assert_eq!(jobs.saved(&id).await.unwrap(), None);
+    // It is kept as JSON.
+    let saved: Saved = serde_json::from_str(&serde_json::to_string(&saved).unwrap()).unwrap();
+    for _ in 0..2 {
+        jobs.restore(&saved).await.unwrap();
+    }
+    assert_eq!((jobs.get(&id).await.unwrap(), jobs.log(&id).await.unwrap()), (Some(job), log));
+    jobs.restore(&Saved { state: JobState::Queued, ..saved }).await.unwrap_err();
+    assert!(matches!(jobs.rename("none", "x").await, Err(Refusal::Unknown(_))));
 }
