@@ -1,5 +1,7 @@
-//! Who may do what, and from where: Host and Origin are checked, so that a page elsewhere cannot reach the service through
-//! the user's browser, and addresses that others can reach need a token.
+//! Access control: Host and Origin checks, and roles of tokens.
+//!
+//! A page of another site cannot reach the service through the user's browser. An address that other machines reach
+//! needs a token.
 
 use super::App;
 use super::config::{Config, Role};
@@ -11,7 +13,7 @@ use axum::response::{IntoResponse, Response};
 use nacre_capture::session::sha256;
 use std::sync::Arc;
 
-/// Refuses requests from elsewhere and without the needed role; adds the headers that tell browsers to be careful.
+/// Refuses requests from other origins and without the needed role, and adds security headers to the response.
 pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let path = request.uri().path();
     let (method, headers) = (request.method(), request.headers());
@@ -34,8 +36,10 @@ pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) ->
     response
 }
 
-/// The Host must be a name of ours (another one points here by DNS rebinding). So must be the Origin if there is one; requests that
-/// change something must come from our own page.
+/// Checks Host and Origin of a request.
+///
+/// The Host must be one of our names, since a foreign name can point here by DNS rebinding. The same holds for the
+/// Origin, where there is one. Requests that change state must come from our own page.
 fn allowed_here(config: &Config, method: &Method, path: &str, headers: &HeaderMap) -> Result<(), Problem> {
     let Some(host) = text(headers, &header::HOST).next() else {
         return Err(Problem::bad("the Host header is missing"));
@@ -60,27 +64,27 @@ fn allowed_here(config: &Config, method: &Method, path: &str, headers: &HeaderMa
     ))
 }
 
-/// The values of a header; what is no text is no valid one.
+/// Values of a header; a value that is not text reads as "?", which is invalid everywhere.
 fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> impl Iterator<Item = &'a str> {
     headers.get_all(name).into_iter().map(|value| value.to_str().unwrap_or("?"))
 }
 
-/// The method by itself changes nothing.
+/// Whether the method is one that changes no state (RFC 9110, section 9.2.1).
 fn is_safe(method: &Method) -> bool {
     matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS)
 }
 
-/// Where a page comes from.
+/// Address of a page: scheme, host and port.
 #[derive(PartialEq)]
 pub struct Address {
     https: bool,
-    /// In lower case; addresses of IPv6 in brackets.
+    /// Lower case; IPv6 addresses in brackets.
     host: String,
     port: u16,
 }
 
 impl Address {
-    /// Reads `http://NAME:PORT` or `https://NAME:PORT`; without a port, the usual one of the scheme.
+    /// Reads `http://NAME:PORT` or `https://NAME:PORT`. Default of the port: that of the scheme.
     pub fn of_origin(origin: &str) -> Option<Self> {
         let (scheme, host) = origin.split_once("://")?;
         match scheme {
@@ -100,8 +104,10 @@ impl Address {
         (!name.is_empty() && name.chars().all(plain)).then(|| Self { https, host: name.to_ascii_lowercase(), port })
     }
 
-    /// Whether requests to `host` from a page of this address are those of our own page. The service itself speaks HTTP; names of
-    /// the configuration may be those of a proxy, which may speak HTTPS, and may pass on another Host than the browser's.
+    /// Whether requests to `host` from a page of this address are those of our own page.
+    ///
+    /// The service itself speaks HTTP. Configured names may belong to a proxy, which may speak HTTPS and pass on
+    /// another Host than the browser's.
     fn is_page_of(&self, config: &Config, host: &str) -> bool {
         let Some(here) = Self::new(self.https, host) else { return false };
         let named = config.hosts.iter().any(|name| name.eq_ignore_ascii_case(&self.host));
@@ -113,7 +119,7 @@ impl Address {
 }
 
 fn is_ours(config: &Config, name: &str) -> bool {
-    // Behind a forwarded port the port differs, and the name is what rebinding has to forge.
+    // Behind a forwarded port the port differs. DNS rebinding has to forge the name, so only the name is compared.
     let host = match name.rsplit_once(':') {
         Some((host, port)) if port.bytes().all(|b| b.is_ascii_digit()) && !port.is_empty() => host,
         _ => name,
@@ -126,28 +132,28 @@ fn is_ours(config: &Config, name: &str) -> bool {
     let address: Option<std::net::IpAddr> = host.parse().ok();
     let listens =
         address.is_some_and(|ip| ip == config.listen.ip() || (ip.is_loopback() && config.listen.ip().is_loopback()));
-    // With every interface listened on, any address of ours may be named, but no foreign name.
+    // A service on all interfaces accepts any IP address as its name, but no foreign name.
     let any = address.is_some() && config.listen.ip().is_unspecified();
     host == "localhost" || listens || any
 }
 
-/// What a request needs.
+/// The role that a request needs.
 fn needed(method: &Method, path: &str) -> Role {
     match *method {
-        // Names and the trash belong to whoever may delete.
+        // Renaming and restoring need the same role as deleting.
         Method::DELETE | Method::PATCH => Role::Administer,
         Method::POST if path.starts_with("/api/v1/trash/") => Role::Administer,
-        // It binds the page of the panel, though it reads.
+        // The request reads, but binds the pattern page.
         _ if path == "/api/v1/display/link" => Role::Operate,
         _ if is_safe(method) => Role::View,
-        // Whoever sees danger may stop it.
+        // Anyone who sees danger may stop the bench.
         _ if path == "/api/v1/stop" => Role::View,
         _ => Role::Operate,
     }
 }
 
 fn allowed_to(config: &Config, method: &Method, path: &str, headers: &HeaderMap) -> Result<(), Problem> {
-    // The page itself holds no secret, and asks for the token; health is for machines.
+    // The page holds no secret and asks for the token; health checks are for machines.
     let open = !path.starts_with("/api/") && path != "/metrics";
     if open || (config.tokens.is_empty() && config.listen.ip().is_loopback()) {
         return Ok(());
@@ -158,7 +164,7 @@ fn allowed_to(config: &Config, method: &Method, path: &str, headers: &HeaderMap)
         return Err(Problem::new(Kind::Unauthorized, "no token").remedy("send Authorization: Bearer TOKEN"));
     };
     let hash = sha256(given.as_bytes());
-    // Hashes of random tokens may be compared in any time: nothing about the token follows from them.
+    // Comparison time reveals nothing about the token: hashes of random tokens are compared.
     let Some(token) = config.tokens.iter().find(|t| t.sha256.eq_ignore_ascii_case(&hash)) else {
         return Err(Problem::new(Kind::Unauthorized, "the token is not known").remedy("`nacre token` makes one"));
     };
@@ -212,7 +218,7 @@ mod tests {
             // A forwarded port.
             ("localhost:9000", "http://localhost:9000", "same-origin", true),
             ("localhost", "http://localhost", "", true),
-            // Proxies that keep the Host, and those that do not.
+            // Proxies that keep the Host, and proxies that replace it.
             ("bench.lab", "https://bench.lab", "same-origin", true),
             ("bench.lab:8443", "https://bench.lab:8443", "", true),
             ("127.0.0.1:8465", "https://bench.lab", "same-origin", true),

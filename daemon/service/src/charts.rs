@@ -1,4 +1,4 @@
-//! `/api/v1/charts`: what `nacre chart` has put below the service's data folder.
+//! `/api/v1/charts`: charts that `nacre chart` wrote below the service's data folder.
 
 use super::problem::{Answer, Problem};
 use super::{App, At, blocking, files};
@@ -12,7 +12,7 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use utoipa::ToSchema;
 
-/// Most folders that are listed; the last by name, as a date makes them.
+/// Most folders in a list: the last ones by name, which are the newest where names are dates.
 const MOST: usize = 100;
 
 /// Folders of charts.
@@ -21,17 +21,17 @@ pub struct ChartList {
     items: Vec<ChartFolder>,
 }
 
-/// A folder that `nacre chart --out DATA/charts/NAME` has made.
+/// A folder that `nacre chart --out DATA/charts/NAME` wrote.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ChartFolder {
-    /// Its name.
+    /// Name of the folder.
     folder: String,
-    /// `{name, group, title, text, quick, measured, files}` each; a file is fetched from `/api/v1/charts/FOLDER/FILE`.
+    /// Charts as `{name, group, title, text, quick, measured, files}`. Fetch a file from `/api/v1/charts/FOLDER/FILE`.
     #[schema(value_type = Vec<Object>)]
     charts: Vec<Chart>,
 }
 
-/// All charts, the last folder by name first.
+/// Lists all charts, the last folder by name first.
 #[utoipa::path(get, path = "/api/v1/charts", tag = "charts", operation_id = "list_charts",
     responses((status = 200, body = ChartList)))]
 pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<ChartList>> {
@@ -54,10 +54,10 @@ fn folders(place: &Path) -> Vec<ChartFolder> {
     names.into_iter().filter_map(open).take(MOST).collect()
 }
 
-/// A folder of charts that is listed.
+/// Path of a folder of charts.
 ///
 /// # Errors
-/// `not-found` for anything else, also for what no `nacre chart` has made.
+/// `not-found` if there is no such folder, or `nacre chart` did not write it.
 pub fn existing(place: &Path, folder: &str) -> Answer<PathBuf> {
     let path = place.join(folder);
     let plain = Path::new(folder).components().eq([Component::Normal(folder.as_ref())]);
@@ -69,7 +69,7 @@ pub fn existing(place: &Path, folder: &str) -> Answer<PathBuf> {
     }
 }
 
-/// A file of a chart: SVG, PNG, CSV, JSON or the raw measurements.
+/// Downloads a file of a chart: SVG, PNG, CSV, JSON or the raw measurements.
 #[utoipa::path(get, path = "/api/v1/charts/{folder}/{chart}/{file}", tag = "charts", operation_id = "chart_file",
     params(("folder" = String, Path), ("chart" = String, Path), ("file" = String, Path, description = "For instance frames.png")),
     responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"))),

@@ -1,4 +1,4 @@
-//! `nacre.toml`: how the service runs. Environment variables `NACRE_SERVE_…` override it.
+//! `nacre.toml`: configuration of the service. Environment variables `NACRE_SERVE_…` override it.
 
 use super::access::Address;
 use figment::Figment;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-/// Most days that anything stays in the trash.
+/// Upper bound of `limits.trash_days`.
 const LONGEST_IN_TRASH: u64 = 36_500;
 
 /// Configuration of the service.
@@ -21,72 +21,71 @@ const LONGEST_IN_TRASH: u64 = 36_500;
 pub struct Config {
     /// Version of the format.
     pub version: Version<1>,
-    /// Address to listen on. Other addresses than loopback need a token.
+    /// Address to listen on. Addresses other than loopback need a token.
     pub listen: SocketAddr,
-    /// Folder for sessions, results, catalogue and jobs.
+    /// Folder of sessions, results, catalogue and job queue.
     pub data: PathBuf,
-    /// Names by which browsers may reach the service besides its address and localhost. Behind a proxy that changes the port, the whole
-    /// address of the page (`https://NAME:PORT`).
+    /// Further names by which browsers reach the service. Behind a proxy that changes the port, give the whole address
+    /// of the page (`https://NAME:PORT`).
     pub hosts: Vec<String>,
-    /// Who may do what; `nacre token` makes them.
+    /// Access tokens; `nacre token` makes them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tokens: Vec<Token>,
-    /// The bench.
+    /// Bench of the service.
     pub bench: BenchSection,
-    /// What is refused.
+    /// Limits of requests and storage.
     pub limits: LimitsSection,
 }
 
-/// A token, of which only the hash is kept.
+/// An access token; only its hash is stored.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Token {
-    /// Whose it is.
+    /// Name of its owner.
     pub name: String,
-    /// What it allows.
+    /// Role of the token.
     pub role: Role,
     /// SHA-256 of the token in hexadecimal.
     pub sha256: String,
 }
 
-/// What a token allows; each includes the ones before.
+/// Role of a token; each includes the ones before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Look.
+    /// View sessions, results and devices.
     View,
-    /// Move devices, take sessions, reconstruct.
+    /// Move devices, run sessions and reconstructions.
     Operate,
-    /// Delete.
+    /// Delete, rename and restore.
     Administer,
 }
 
-/// What is refused.
+/// Limits of requests and storage.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitsSection {
-    /// Largest request in KiB, uploads apart.
+    /// Largest request body in KiB, except uploads.
     pub body_kib: usize,
-    /// Largest upload in MiB, all its files together.
+    /// Largest upload in MiB, the sum of its files.
     pub upload_mib: u64,
-    /// An upload that no reconstruction uses is deleted after this many days.
+    /// Days after which an upload that no reconstruction uses is deleted.
     pub upload_days: u64,
-    /// Days for which deleted sessions, uploads and results stay in the trash, 0 to 36500; 0 deletes at once. The trash
-    /// is emptied, and deletions are immediate, while less than 1 GiB or a twentieth of the disk is free, whichever is
-    /// smaller.
+    /// Days that deleted sessions, uploads and results stay in the trash, 0 to 36500; 0 deletes at once. While less
+    /// than 1 GiB or 5 % of the disk is free, whichever is smaller, the trash is emptied and deletions are immediate.
     #[schemars(range(max = 36_500))]
     pub trash_days: u64,
-    /// A request that takes longer than this many seconds is ended, event streams and uploads apart.
+    /// Longest time of a request in seconds, except event streams and uploads.
     pub request_s: u64,
-    /// A client that makes no progress for this many seconds is disconnected: no complete request header, and less than 16 KiB
+    /// Seconds without progress after which a client is disconnected. Progress is a complete request header or 16 KiB
     /// sent or received. Event streams may stay idle.
     pub client_s: u64,
-    /// Requests at once.
+    /// Most simultaneous requests.
     pub requests: usize,
-    /// Event streams at once.
+    /// Most simultaneous event streams.
     pub subscribers: usize,
-    /// Memory in MiB that the process of a reconstruction, or of a camera raw file's decoder, may take. Default: three quarters of the
-    /// machine's memory, or of a smaller limit of the service's control group or process.
+    /// Memory limit in MiB of the process of a reconstruction or of a camera raw decoder. Default: three quarters of
+    /// the memory of the machine, or of the control group or process limit if smaller.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub job_memory_mib: Option<u64>,
 }
@@ -127,16 +126,16 @@ fn data_folder() -> PathBuf {
     data.map_or_else(|| "nacre-data".into(), |data| data.join("nacre/service"))
 }
 
-/// Where the configuration is unless the user says otherwise.
+/// Default path of the configuration.
 pub fn default_path() -> PathBuf {
     "nacre.toml".into()
 }
 
 impl Config {
-    /// Reads a configuration; without a file its defaults hold. The environment has the last word.
+    /// Reads a configuration; without a file, the defaults. Environment variables override both.
     ///
     /// # Errors
-    /// `Input`, naming the key, for anything that is not understood.
+    /// `Input`, naming the key, for unknown keys and invalid values.
     pub fn read(path: Option<&Path>) -> Result<Self, Error> {
         let mut figment = Figment::from(Serialized::defaults(Self::default()));
         if let Some(path) = path {
@@ -182,10 +181,10 @@ impl Config {
         self.bench.check()
     }
 
-    /// Others may only reach the service with a token.
+    /// Checks that an address which other machines reach has a token.
     ///
     /// # Errors
-    /// `Input` when the address is open and there is no token.
+    /// `Input` if the address is not loopback and there is no token.
     pub fn check_access(&self) -> Result<(), Error> {
         if self.listen.ip().is_loopback() || !self.tokens.is_empty() {
             return Ok(());
@@ -199,7 +198,7 @@ fn name(path: Option<&Path>) -> String {
     path.map_or_else(|| "environment".into(), |p| p.display().to_string())
 }
 
-/// Says which key, and which one may have been meant.
+/// Error that names the key, and the known key that resembles it.
 fn explain(path: Option<&Path>, error: figment::Error) -> Error {
     let key = error.path.join(".");
     let problem = match &error.kind {

@@ -1,4 +1,5 @@
-//! Connections of clients: each has to make progress, and idle ones make room for new ones, so that STOP is always served.
+//! Connections of clients. Each must make progress, and idle ones are closed for new ones, so that STOP is always
+//! served.
 
 use super::config::LimitsSection;
 use super::problem::{Kind, Problem};
@@ -28,10 +29,10 @@ use tokio::sync::{Notify, watch};
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep, sleep_until, timeout_at};
 
-/// Bytes that count as progress. One byte every few seconds is none.
+/// Bytes that count as progress. A byte every few seconds does not.
 const PROGRESS: usize = 16 << 10;
 
-/// A request that is overdue is answered before its connection is closed after this.
+/// Time between the answer to an overdue request and the end of its connection.
 const FAREWELL: Duration = Duration::from_secs(5);
 
 /// When all places are taken, this part (1/8) of the connections is asked to close.
@@ -43,13 +44,13 @@ const LAST_LOOK: Duration = Duration::from_millis(1);
 /// Wait before more connections are asked to close.
 const AGAIN: Duration = Duration::from_millis(3);
 
-/// Requests in progress may take this long once the service ends.
+/// Time for requests in progress once the service stops.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// Connections besides those of requests and event streams: STOP, uploads, downloads, browsers that keep theirs.
+/// Connections besides those of requests and event streams: STOP, uploads, downloads, idle browsers.
 const SPARE: usize = 64;
 
-/// Open files that sessions, jobs and databases need besides those of connections.
+/// Open files of sessions, jobs and databases, besides those of connections.
 const RESERVED: usize = 256;
 
 /// Open files per connection: its socket, and the file of an upload or download.
@@ -58,18 +59,18 @@ const FILES: usize = 2;
 /// Connections that wait to be accepted.
 const BACKLOG: u32 = 1024;
 
-/// Bytes that the system buffers for a slow reader. Its progress is seen when a third of the buffer is free.
+/// Bytes of the system's send buffer. A slow reader's progress is visible once a third of the buffer is free.
 const SEND_BUFFER: u32 = 128 << 10;
 
-/// Raises the limit of open files if necessary, and lowers requests and event streams if it cannot be raised far enough.
-/// Returns how many connections fit.
+/// Raises the limit of open files if necessary, and lowers requests and event streams if that is refused. Returns the
+/// number of connections that fit.
 pub fn fit(limits: &mut LimitsSection) -> usize {
     let wanted = limits.requests + limits.subscribers + SPARE;
     share(limits, wanted, open_files(FILES * wanted + RESERVED))
 }
 
-/// Lowers the limits of requests and event streams in proportion, until all connections fit the limit of open files `most`;
-/// returns how many connections fit.
+/// Lowers the limits of requests and event streams in proportion until all connections fit `most` open files. Returns
+/// the number of connections that fit.
 fn share(limits: &mut LimitsSection, wanted: usize, most: usize) -> usize {
     let fitting = (most - RESERVED.min(most / 2)) / FILES;
     if fitting >= wanted {
@@ -81,13 +82,13 @@ fn share(limits: &mut LimitsSection, wanted: usize, most: usize) -> usize {
     fitting
 }
 
-/// How many files this process may open, at best as many as wanted.
+/// Limit of open files of this process, raised to `wanted` if the system allows it.
 fn open_files(wanted: usize) -> usize {
     let wanted = wanted as u64;
     let now = getrlimit(Resource::Nofile);
     if now.current.is_some_and(|n| n < wanted) {
         let raised = now.maximum.map_or(wanted, |most| most.min(wanted));
-        // If it is refused, the old limit stays and is what is returned.
+        // If the system refuses, the old limit holds and is returned below.
         let _ = setrlimit(Resource::Nofile, Rlimit { current: Some(raised), ..now });
     }
     getrlimit(Resource::Nofile).current.map_or(usize::MAX, |n| n as usize)
@@ -96,7 +97,7 @@ fn open_files(wanted: usize) -> usize {
 /// Listens on an address.
 ///
 /// # Errors
-/// As the system answers.
+/// Those of the system.
 pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
     socket.set_reuseaddr(true)?;
@@ -106,23 +107,23 @@ pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     socket.listen(BACKLOG)
 }
 
-/// The progress of a connection.
+/// Progress of a connection.
 pub struct Activity {
     patience: Duration,
     state: Mutex<Progress>,
-    /// Others need its place.
+    /// Signals that another connection needs the place.
     leave: Notify,
 }
 
 struct Progress {
     since: Instant,
-    /// Bytes since then.
+    /// Bytes since the last progress.
     moved: usize,
-    /// The service works for this client, which need not do anything meanwhile.
+    /// Number of pieces of work for this client; meanwhile the client need not make progress.
     at_work: usize,
 }
 
-/// The service works for a client until this is dropped.
+/// Work for a client, until dropped.
 pub struct Work(Arc<Activity>);
 
 impl Drop for Work {
@@ -133,7 +134,7 @@ impl Drop for Work {
 }
 
 impl Activity {
-    /// Of a client that is to make progress within this time.
+    /// Activity of a client that must make progress within this time.
     pub fn new(patience: Duration) -> Self {
         let state = Progress { since: Instant::now(), moved: 0, at_work: 0 };
         Self { patience, state: Mutex::new(state), leave: Notify::new() }
@@ -143,7 +144,7 @@ impl Activity {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// From now on the client has time for the next step.
+    /// Restarts the client's time for the next step.
     fn progress(&self) {
         let mut state = self.locked();
         (state.since, state.moved) = (Instant::now(), 0);
@@ -163,18 +164,18 @@ impl Activity {
         Work(self.clone())
     }
 
-    /// Since when the service has waited for the client; none while it works for it.
+    /// Time since which the service has waited for the client; `None` while it works for the client.
     fn waiting(&self) -> Option<Instant> {
         let state = self.locked();
         (state.at_work == 0).then_some(state.since)
     }
 
-    /// Returns once the connection is to make room for another one: it was asked to, and no request had arrived.
+    /// Returns once the connection was asked to close and no request had arrived.
     async fn dismissed(&self) {
         loop {
             self.leave.notified().await;
             let since = self.waiting();
-            // tokio reports all that has arrived before a timer.
+            // tokio reports all arrived data before a timer.
             sleep(LAST_LOOK).await;
             if since.is_some() && self.waiting() == since {
                 return;
@@ -182,7 +183,7 @@ impl Activity {
         }
     }
 
-    /// Returns once the client has made no progress for as long as it may, and this much longer.
+    /// Returns once the client has made no progress for its time limit and `longer`.
     async fn overdue(&self, longer: Duration) {
         let patience = self.patience + longer;
         loop {
@@ -195,7 +196,7 @@ impl Activity {
     }
 }
 
-/// Refuses requests that come too slowly; keeps the connections of event streams.
+/// Refuses requests that arrive too slowly; keeps the connections of event streams.
 pub async fn in_pace(request: Request, next: Next) -> Response {
     let Some(activity) = request.extensions().get::<Arc<Activity>>().cloned() else {
         return next.run(request).await;
@@ -228,7 +229,7 @@ struct Connection {
     task: JoinHandle<()>,
 }
 
-/// Serves at most this many connections until `stop`, and then for as long as requests in progress may take.
+/// Serves at most `most` connections until `stop`, then waits [`GRACE`] for requests in progress.
 pub async fn serve(
     mut listener: TcpListener,
     router: Router,
@@ -265,7 +266,7 @@ pub async fn serve(
     }
 }
 
-/// Waits for a place for one more connection; where there is none, those make room that have made no progress for longest.
+/// Waits for a place for one more connection; if there is none, connections with the longest idle time are closed.
 async fn make_room(open: &mut Vec<Connection>, most: usize) {
     loop {
         open.retain(|c| !c.task.is_finished());
@@ -279,9 +280,9 @@ async fn make_room(open: &mut Vec<Connection>, most: usize) {
     }
 }
 
-/// Serves one connection until it ends, is overdue, has to make room or the service ends.
+/// Serves one connection until it ends, is overdue, must make room, or the service stops.
 ///
-/// hyper's own deadline for headers is not used: it also runs while a client still reads the answer before.
+/// hyper's own deadline of headers is not used: it also runs while a client reads the answer before.
 async fn drive(stream: TcpStream, router: Router, activity: Arc<Activity>, mut closing: watch::Receiver<bool>) {
     let router = TowerToHyperService::new(router);
     let of = activity.clone();
@@ -311,7 +312,7 @@ async fn drive(stream: TcpStream, router: Router, activity: Arc<Activity>, mut c
     }
 }
 
-/// A stream whose progress is noted.
+/// A stream that records its progress.
 struct Watched {
     stream: TcpStream,
     activity: Arc<Activity>,

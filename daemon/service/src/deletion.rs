@@ -1,4 +1,4 @@
-//! What is deleted, and how that is confirmed.
+//! Deletions and their confirmation.
 
 use super::keeper::is_full;
 use super::problem::{Answer, Kind, Problem};
@@ -15,13 +15,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
 
-/// What a deletion removes, and the token that confirms it.
+/// Summary of a deletion, and the token that confirms it.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Deletion {
     token: String,
     bytes: u64,
     files: usize,
-    /// Days for which it can be restored from the trash; 0: it is deleted at once.
+    /// Days that it can be restored from the trash; 0 deletes it at once.
     trash_days: u64,
 }
 
@@ -32,16 +32,16 @@ impl Deletion {
     }
 }
 
-/// Confirms a deletion.
+/// Confirmation of a deletion.
 #[derive(Debug, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Confirmation {
-    /// The token that `deletion` gave.
+    /// Token from `deletion`.
     token: String,
 }
 
-/// What a deletion removes, and the token that confirms it.
+/// Summarises the deletion of a session, and gives the token that confirms it.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/deletion", tag = "sessions", operation_id = "session_deletion",
     params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
 pub async fn of_session(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
@@ -73,7 +73,7 @@ pub async fn session(
     let _turn = app.trash_turn.lock().await;
     let (owner, known) = (app.clone(), id.clone());
     let row = blocking(move || {
-        // Nobody else works on it: the session's own lock says so.
+        // The session's own lock prevents other work on it.
         let locked = lock(&folder);
         if locked.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::WouldBlock) {
             return Err(Problem::new(Kind::Busy, "another process works on the session"));
@@ -91,7 +91,8 @@ pub async fn session(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// What a deletion removes, and the token that confirms it. Photographs that were uploaded for it go with the last reconstruction of them.
+/// Summarises the deletion of a reconstruction, and gives the token that confirms it. Its upload is deleted with the
+/// last reconstruction that uses it.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/deletion", tag = "reconstructions", operation_id = "reconstruction_deletion",
     params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
 pub async fn of_reconstruction(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
@@ -100,8 +101,8 @@ pub async fn of_reconstruction(State(app): State<Arc<App>>, At(id): At<String>) 
     Ok(Deletion::of(&app, &id, &files, app.trash_days()))
 }
 
-/// Deletes a reconstruction that has ended, with all its files: they go to the trash. Results of a session go with the
-/// session.
+/// Deletes a reconstruction that has ended, with all its files: they go to the trash. Results of a session are deleted
+/// with the session.
 #[utoipa::path(delete, path = "/api/v1/reconstructions/{id}", tag = "reconstructions", operation_id = "delete_reconstruction",
     params(("id" = String, Path), Confirmation),
     responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -120,7 +121,7 @@ pub async fn reconstruction(
     let deleted = Deleted::now(Thing::Reconstruction, name, Some(saved.clone()));
     let (owner, known) = (app.clone(), id.clone());
     let delete = move || owner.discard(&known, &deleted, &folders);
-    // First from the queue, which refuses while it is worked on.
+    // The queue comes first: it refuses while the job runs.
     match app.jobs()?.remove(&id).await {
         Ok(()) => {
             if let Err(problem) = blocking(delete).await {
@@ -128,7 +129,7 @@ pub async fn reconstruction(
                 return Err(problem);
             }
         }
-        // Forgetting a job takes some space too.
+        // Removing a job takes some space too.
         Err(Refusal::Queue(error)) if is_full(&error) => {
             if matches!(app.job(&id).await?.state, JobState::Queued | JobState::Running) {
                 return Err(Problem::new(Kind::Conflict, "the reconstruction is not done").remedy("cancel it first"));
@@ -141,7 +142,7 @@ pub async fn reconstruction(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// What a deletion removes, and a token that confirms it, which the deletion of an upload does not need.
+/// Summarises the deletion of an upload. Its token is not required for the deletion.
 #[utoipa::path(get, path = "/api/v1/uploads/{id}/deletion", tag = "reconstructions", operation_id = "upload_deletion",
     params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
 pub async fn of_upload(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
@@ -170,7 +171,7 @@ pub async fn upload(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<S
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// What a deletion removes, and the token that confirms it.
+/// Summarises the deletion of a folder of charts, and gives the token that confirms it.
 #[utoipa::path(get, path = "/api/v1/charts/{folder}/deletion", tag = "charts", operation_id = "charts_deletion",
     params(("folder" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
 pub async fn of_charts(State(app): State<Arc<App>>, At(folder): At<String>) -> Answer<Json<Deletion>> {
@@ -179,7 +180,7 @@ pub async fn of_charts(State(app): State<Arc<App>>, At(folder): At<String>) -> A
     Ok(Deletion::of(&app, &format!("charts/{folder}"), &files, 0))
 }
 
-/// Deletes a folder of charts, with the measurements behind them.
+/// Deletes a folder of charts, with its measurements.
 #[utoipa::path(delete, path = "/api/v1/charts/{folder}", tag = "charts", operation_id = "delete_charts",
     params(("folder" = String, Path), Confirmation),
     responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -195,7 +196,7 @@ pub async fn charts_folder(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Folders that go with a reconstruction.
+/// Folders that are deleted with a reconstruction.
 async fn folders(app: &App, id: &str) -> Answer<Vec<PathBuf>> {
     let job = app.job(id).await?;
     let mut folders = vec![app.result_folder(id)];
@@ -216,10 +217,10 @@ fn confirmed(app: &App, id: &str, given: &Confirmation) -> Answer<()> {
     Err(Problem::new(Kind::Conflict, "the token does not confirm this deletion").remedy("ask /deletion for the token"))
 }
 
-/// A folder that is not there needs no deletion.
+/// Removes a folder; one that does not exist is no error.
 ///
 /// # Errors
-/// As the system answers.
+/// Those of the system.
 pub fn removed(folder: &Path) -> Answer<()> {
     match std::fs::remove_dir_all(folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Problem::refused("it cannot be deleted", &e)),

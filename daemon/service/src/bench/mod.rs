@@ -1,4 +1,4 @@
-//! The bench in the service: one thread owns the devices and does one thing at a time.
+//! The bench in the service: one thread owns the devices and runs one job at a time.
 
 mod owner;
 
@@ -14,26 +14,26 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use tokio::sync::oneshot;
 
-/// Who has the devices while the panel is measured, in place of a session.
+/// Owner of the devices while the panel is measured, in place of a session id.
 pub const PANEL: &str = "panel";
 
 type Job = Box<dyn FnOnce(&mut Owner) + Send>;
 
-/// The way to the bench's thread.
+/// Handle to the bench's thread.
 pub struct Bench {
     jobs: Mutex<Option<Sender<Job>>>,
     shared: Arc<Common>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// What others may see while the thread works.
+/// State that other threads read while the bench's thread works.
 #[derive(Default)]
 struct Common {
-    /// Session that has the devices, or waits for them, and how to abort it.
+    /// Session that has the devices or waits for them, and its control.
     session: Mutex<Option<(String, Arc<Control>)>>,
-    /// What a person does now, to be aborted.
+    /// Control of the manual operation under way, to abort it.
     manual: Mutex<Option<Arc<Control>>>,
-    /// How often somebody said STOP.
+    /// Number of STOP requests so far.
     stops: AtomicU64,
     end: Stop,
 }
@@ -46,7 +46,7 @@ impl Bench {
     /// Opens the devices on a new thread.
     ///
     /// # Errors
-    /// As the rig answers.
+    /// Those of the rig.
     pub async fn open(place: Place) -> Result<Self, Failure> {
         let shared = Arc::new(Common::default());
         let (jobs, queue) = mpsc::channel::<Job>();
@@ -68,10 +68,10 @@ impl Bench {
         Ok(Self { jobs: Mutex::new(Some(jobs)), shared, thread: Mutex::new(Some(thread)) })
     }
 
-    /// Does something on the bench's thread when it is free.
+    /// Runs a job on the bench's thread when it is free.
     ///
     /// # Errors
-    /// `busy` while a session has the devices; otherwise as the work answers.
+    /// `busy` while a session has the devices; otherwise those of the job.
     pub async fn work<T: Send + 'static>(
         &self,
         work: impl FnOnce(&mut Owner) -> Result<T, Failure> + Send + 'static,
@@ -88,11 +88,12 @@ impl Bench {
         Ok(told.await.unwrap_or_else(|_| Err(died()))?)
     }
 
-    /// Gives the devices to a session until `work` returns, and then does what that returned: whoever is told that the
-    /// session is over can have the devices.
+    /// Gives the devices to a session until `work` returns, then calls the closure that it returned.
+    ///
+    /// Devices are free before that closure reports the end of the session.
     ///
     /// # Errors
-    /// `busy` while another one has them.
+    /// `busy` while another session has the devices.
     pub fn begin<Told: FnOnce()>(
         &self,
         id: &str,
@@ -104,7 +105,7 @@ impl Bench {
             if let Some((other, _)) = session.as_ref() {
                 return Err(busy(other));
             }
-            // From here on it can be aborted, also while it waits for the thread.
+            // From here on the session can be aborted, even while it waits for the thread.
             let _ = control.send(Input::Start);
             *session = Some((id.to_owned(), control));
         }
@@ -120,15 +121,15 @@ impl Bench {
         sent
     }
 
-    /// The session that has the devices, or [`PANEL`].
+    /// Id of the session that has the devices, or [`PANEL`].
     pub fn session(&self) -> Option<String> {
         locked(&self.shared.session).as_ref().map(|s| s.0.clone())
     }
 
-    /// Aborts whatever runs or waits, and switches all light off; returns when it is.
+    /// Aborts running and waiting work and switches all light off; returns when the light is off.
     ///
     /// # Errors
-    /// As the lamps answer.
+    /// Those of the lamps.
     pub async fn stop(&self) -> Result<(), Problem> {
         let session = self.shared.abort();
         let (tell, told) = oneshot::channel();
@@ -140,7 +141,7 @@ impl Bench {
             }
         };
         tokio::select! {
-            // The session's own light is off; what it still stores need not be waited for.
+            // The session's own light is off; storing its last frames need not be waited for.
             () = dark => Ok(()),
             done = told => Ok(done.unwrap_or_else(|_| Err(died()))?),
         }
@@ -163,7 +164,7 @@ impl Bench {
 }
 
 impl Common {
-    /// Aborts what runs; what was asked for and has not begun will not. Returns the session's control.
+    /// Aborts running work and drops work that has not begun. Returns the session's control.
     fn abort(&self) -> Option<Arc<Control>> {
         self.stops.fetch_add(1, Ordering::SeqCst);
         let session = locked(&self.session).as_ref().map(|s| s.1.clone());

@@ -1,4 +1,4 @@
-//! The devices on their thread: what is done by hand, and the light that is looked after meanwhile.
+//! The thread that owns the devices: manual operations, and supervision of the light between them.
 
 use super::{Common, Job, locked};
 use nacre_base::progress::{Progress, Silent};
@@ -13,33 +13,33 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 
-/// While light is on, interlocks are read this often.
+/// Interval of interlock checks while light is on.
 const INTERLOCKS: Duration = Duration::from_millis(50);
 
-/// A picture of the preview is taken again after this.
+/// Age at which a preview frame is replaced by a new one.
 const PREVIEW_AGE: Duration = Duration::from_millis(200);
 
-/// A frame that was waited for longer than this was not in the camera's queue.
+/// A frame that took longer than this to arrive was not in the camera's queue.
 const QUEUED: Duration = Duration::from_millis(3);
 
-/// Longest queue that is emptied for a preview.
+/// Most queued frames that are discarded before a preview.
 const QUEUE: u32 = 8;
 
-/// The devices, on their thread.
+/// The devices and their state, on their own thread.
 pub struct Owner {
-    /// Runs the device calls.
+    /// Executor of the device calls.
     pub runtime: Runtime,
     /// The devices.
     pub rig: Rig,
-    /// What the panel shows.
+    /// Pattern on the panel.
     pub pattern: Pattern,
     /// Exposure and gain of the preview.
     pub settings: (Duration, f64),
-    /// Where the analyser was last seen.
+    /// Last known analyser angle in degrees.
     pub analyser_deg: Option<f64>,
-    /// When the flash is to go off.
+    /// Time at which the flash is switched off.
     flash_until: Option<Instant>,
-    /// How often somebody had said STOP when the work at hand was asked for.
+    /// Number of STOP requests when the current job was submitted.
     pub(super) asked: u64,
     memory: Memory,
     newest: Option<Arc<Picture>>,
@@ -54,9 +54,9 @@ pub struct Picture {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Codes.
+    /// Sensor codes, row 0 on top.
     pub codes: Vec<u16>,
-    /// Codes of no and of full light.
+    /// Codes of black and white.
     pub range: [u16; 2],
     taken: Instant,
 }
@@ -84,7 +84,7 @@ impl Owner {
         Ok(owner)
     }
 
-    /// Does what comes, until nothing more can come.
+    /// Runs jobs until the queue is closed.
     pub(super) fn serve(&mut self, queue: &mpsc::Receiver<Job>) {
         let mut looked = Instant::now();
         loop {
@@ -93,7 +93,7 @@ impl Owner {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
-            // However many jobs there are, light is looked after.
+            // Light is supervised between jobs, however many wait.
             if self.is_lit() && looked.elapsed() >= INTERLOCKS {
                 self.look_after_light();
                 looked = Instant::now();
@@ -106,16 +106,16 @@ impl Owner {
         self.pattern != Pattern::Black || self.flash_until.is_some()
     }
 
-    /// How long nothing needs to be looked after.
+    /// Time until the next interlock check or the end of the flash.
     fn patience(&self) -> Duration {
         if self.is_lit() { INTERLOCKS } else { Duration::from_secs(3600) }
     }
 
-    /// Light that was switched on by hand goes off in time, and when an interlock opens. A flash that went off by itself counts
-    /// as switched off.
+    /// Switches manual light off at its time and when an interlock opens. A flash that went off by itself counts as
+    /// off.
     fn look_after_light(&mut self) {
         if self.runtime.block_on(self.rig.watch.check()).is_err() {
-            // Lamps that do not go off say so to whoever asks for them next.
+            // A lamp that stays on reports its error to the next request for it.
             let _ = self.dark();
         } else if self.flash_until.is_some_and(|until| Instant::now() >= until || !self.flash_reports_on()) {
             let _ = self.flash(None);
@@ -127,7 +127,7 @@ impl Owner {
         self.runtime.block_on(hands.is_lit()) == Ok(true)
     }
 
-    /// Does something that STOP can abort, and while these interlocks hold.
+    /// Runs an operation that STOP and these interlocks abort.
     fn steered<T>(
         &mut self,
         watched: bool,
@@ -136,7 +136,7 @@ impl Owner {
         let control = Arc::new(Control::default());
         let _ = control.send(Input::Start);
         *locked(&self.shared.manual) = Some(control.clone());
-        // A STOP from before is seen here, a later one reaches the control.
+        // An earlier STOP is detected here; a later one reaches the control.
         if self.shared.stops.load(Ordering::SeqCst) != self.asked {
             let _ = control.send(Input::Abort);
         }
@@ -152,7 +152,7 @@ impl Owner {
         result
     }
 
-    /// Moves or switches something on by hand; the light goes off when it fails.
+    /// Runs a manual operation; a failure switches the light off.
     fn manual<T>(&mut self, work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
         let result = self.steered(true, work);
         self.newest = None;
@@ -162,7 +162,7 @@ impl Owner {
         result
     }
 
-    /// Switches something off, which neither interlock nor STOP may prevent.
+    /// Switches a device off, whatever interlocks and STOP say.
     fn off(&mut self, work: impl AsyncFnOnce(&mut Hands<'_>) -> DeviceResult<()>) -> Result<(), Failure> {
         let mut hands = Hands::with(&mut self.rig.devices, self.memory);
         let result = self.runtime.block_on(work(&mut hands));
@@ -170,10 +170,10 @@ impl Owner {
         Ok(result?)
     }
 
-    /// Turns the analyser.
+    /// Turns the analyser to an angle in degrees; `None` homes it.
     ///
     /// # Errors
-    /// As devices and interlocks answer; `Cancelled` when somebody stops it.
+    /// Those of devices and interlocks; `Cancelled` after STOP.
     pub fn turn(&mut self, to: Option<f64>) -> Result<(), Failure> {
         let moved = self.manual(async |hands| {
             match to {
@@ -185,15 +185,15 @@ impl Owner {
             }
             Ok(())
         });
-        // Also a movement that was cut short ended somewhere.
+        // An interrupted movement also has an end position.
         self.analyser_deg = self.runtime.block_on(self.rig.devices.stage.position()).ok();
         moved
     }
 
-    /// Shows a pattern until told otherwise.
+    /// Shows a pattern until another one is shown or the light is switched off.
     ///
     /// # Errors
-    /// As devices and interlocks answer; `Cancelled` when somebody stops it.
+    /// Those of devices and interlocks; `Cancelled` after STOP.
     pub fn show(&mut self, pattern: Pattern) -> Result<(), Failure> {
         match pattern {
             Pattern::Black => self.off(async |hands| hands.show(pattern).await)?,
@@ -203,10 +203,10 @@ impl Owner {
         Ok(())
     }
 
-    /// Switches the flash on for so many seconds, or off.
+    /// Switches the flash on for a time in seconds, or off (`None`).
     ///
     /// # Errors
-    /// As devices and interlocks answer; `Cancelled` when somebody stops it.
+    /// Those of devices and interlocks; `Cancelled` after STOP.
     pub fn flash(&mut self, on: Option<f64>) -> Result<(), Failure> {
         self.flash_until = None;
         match on {
@@ -227,16 +227,17 @@ impl Owner {
     /// Switches all light off.
     ///
     /// # Errors
-    /// As the lamps answer.
+    /// Those of the lamps.
     pub fn dark(&mut self) -> Result<(), Failure> {
         (self.flash_until, self.pattern) = (None, Pattern::Black);
         self.off(async |hands| hands.dark().await)
     }
 
-    /// Measures the panel while the interlocks hold and nobody aborts it; all light is off afterwards.
+    /// Measures the panel while the interlocks are closed; all light is off afterwards.
     ///
     /// # Errors
-    /// As devices and interlocks answer, and where the camera sees too little of the panel; `Cancelled` when somebody stops it.
+    /// Those of devices and interlocks; an error where the camera sees too little of the panel; `Cancelled` after
+    /// STOP.
     pub fn measure(
         &mut self,
         levels: usize,
@@ -258,16 +259,16 @@ impl Owner {
         dark.map(|()| found)
     }
 
-    /// After a session nothing is known any more, but that the light is off.
+    /// Resets the known state after a session: the light is off, and the analyser angle is read from the stage.
     pub(super) fn forget(&mut self) {
         (self.memory, self.newest, self.flash_until, self.pattern) = (Memory::default(), None, None, Pattern::Black);
         self.analyser_deg = self.runtime.block_on(self.rig.devices.stage.position()).ok();
     }
 
-    /// The newest frame; the camera only, so that no interlock is asked.
+    /// The newest frame. Only the camera is used, so interlocks are not checked.
     ///
     /// # Errors
-    /// As the camera answers; `Cancelled` when somebody stops it.
+    /// Those of the camera; `Cancelled` after STOP.
     pub fn preview(&mut self) -> Result<Arc<Picture>, Failure> {
         if let Some(picture) = self.newest.as_ref().filter(|p| p.taken.elapsed() < PREVIEW_AGE) {
             return Ok(picture.clone());
@@ -276,7 +277,7 @@ impl Owner {
         let (exposure, gain) = self.settings;
         let frame = self.steered(false, async |hands| {
             hands.expose(exposure, gain).await?;
-            // What waits in the queue is old.
+            // Queued frames are old.
             for _ in 0..QUEUE {
                 let asked = Instant::now();
                 hands.next_frame(Freshness::NEVER).await?;
