@@ -15,35 +15,35 @@ use std::sync::Arc;
 use std::time::Duration;
 use utoipa::{IntoParams, ToSchema};
 
-/// A preview that takes longer is none.
+/// Longest time of a preview frame in seconds, exposure included.
 const LONGEST_PREVIEW_S: f64 = 2.0;
 
-/// The bench as it is.
+/// State of the bench.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Devices {
-    /// What the devices do: `idle`, `session`, or `manual` while the panel is measured.
+    /// Activity of the devices: `idle`, `session`, or `manual` while the panel is measured.
     activity: &'static str,
-    /// The session that has them.
+    /// Id of the session that has the devices.
     session: Option<String>,
     stage: StageState,
     camera: CameraState,
     display: PanelState,
     flash: Option<FlashState>,
-    /// Door switches and the like.
+    /// Interlocks, such as door switches.
     interlocks: Vec<InterlockState>,
-    /// Nothing of this is real.
+    /// Whether the whole bench is simulated.
     simulated: bool,
 }
 
 #[derive(Clone, Debug, Serialize, ToSchema)]
 struct StageState {
     id: String,
-    /// Where the analyser was last seen.
+    /// Last known analyser angle in degrees.
     analyser_deg: Option<f64>,
     limits_deg: [f64; 2],
     speed_deg_s: f64,
     by_hand: bool,
-    /// A movement can be cut short; STOP waits for the end of one that cannot.
+    /// Whether a movement can be interrupted. If not, STOP waits for its end.
     halts: bool,
 }
 
@@ -52,15 +52,15 @@ struct CameraState {
     id: String,
     width: usize,
     height: usize,
-    /// Of the preview.
+    /// Exposure time of the preview in ms.
     exposure_ms: f64,
-    /// Of the preview.
+    /// Gain of the preview.
     gain: f64,
     exposure_range_ms: [f64; 2],
     gain_range: [f64; 2],
     black: u16,
     white: u16,
-    /// What the user should know of it.
+    /// Warnings of the camera's driver.
     warnings: Vec<String>,
 }
 
@@ -81,39 +81,39 @@ struct FlashState {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 struct InterlockState {
     id: String,
-    /// Unknown while a session has the devices, and when it does not answer.
+    /// Whether it is closed. Unknown while a session has the devices, and when the interlock does not answer.
     holds: Option<bool>,
 }
 
-/// What the panel shows: `"black"`, a white disc, or fringes.
+/// Pattern on the panel: `"black"`, a white disc, or fringes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PatternBody {
-    /// Nothing.
+    /// No light.
     Black,
     /// A white disc.
     Disc {
-        /// Its middle, from the panel's middle to the right and up, in mm.
+        /// Centre relative to the panel's centre, to the right and up, in mm.
         #[schema(min_items = 2, max_items = 2)]
         center_mm: [f64; 2],
-        /// Its diameter in mm.
+        /// Diameter in mm.
         #[schema(exclusive_minimum = 0.0)]
         diameter_mm: f64,
     },
-    /// Stripes over the whole panel, luminance (1 + cos 2π(f · x + phase)) / 2; even light without a frequency.
+    /// Stripes over the whole panel, luminance (1 + cos 2π(f · x + phase)) / 2; uniform light without `frequency`.
     Fringes {
         /// Frequency to the right and up, in cycles per mm.
         #[schema(min_items = 2, max_items = 2)]
         cycles_per_mm: [f64; 2],
-        /// Phase at the panel's middle, in cycles.
+        /// Phase at the panel's centre, in cycles.
         phase: f64,
-        /// Exponent that the panel is taken to have where nothing better is known.
+        /// Exponent of the panel's tone curve if no measured curve is configured.
         #[schema(minimum = 0.2, maximum = 5)]
         gamma: f64,
     },
 }
 
-/// Where to turn the analyser.
+/// Target angle of the analyser.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Move {
@@ -131,7 +131,7 @@ pub struct CameraSettings {
     gain: f64,
 }
 
-/// What to show.
+/// Pattern to show.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({ "pattern": { "disc": { "center_mm": [0, 0], "diameter_mm": 180 } } }))]
@@ -139,7 +139,7 @@ pub struct ShowBody {
     pattern: PatternBody,
 }
 
-/// Switches the flash; it goes off by itself after `seconds`, at most its longest on-time.
+/// Switches the flash; it goes off after `seconds`, at most its longest on-time.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SwitchBody {
@@ -148,7 +148,7 @@ pub struct SwitchBody {
     seconds: Option<f64>,
 }
 
-/// Nothing.
+/// An empty body.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Nothing {}
@@ -158,20 +158,20 @@ pub struct Nothing {}
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Width {
-    /// Pixels per row, at most.
+    /// Most pixels per row.
     #[param(minimum = 1, maximum = 16384)]
     pub width: Option<usize>,
 }
 
-/// Numbers of the newest frame.
+/// Statistics of the newest frame.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Preview {
     sequence: u64,
     width: usize,
     height: usize,
-    /// Pixels in 256 steps from black to white.
+    /// Number of pixels in each of 256 equal steps from black to white.
     histogram: Vec<u32>,
-    /// Share of saturated pixels.
+    /// Fraction of saturated pixels.
     saturated: f64,
     /// Mean between black (0) and white (1).
     mean: f64,
@@ -195,7 +195,7 @@ impl From<Pattern> for PatternBody {
 }
 
 impl PatternBody {
-    /// A pattern that fits on the panel.
+    /// Checks that the pattern fits on the panel.
     fn checked(self, size_mm: [f64; 2]) -> Answer<Pattern> {
         let pattern = match self {
             Self::Black => return Ok(Pattern::Black),
@@ -218,7 +218,7 @@ impl PatternBody {
     }
 }
 
-/// What is known without asking the devices, and the rest.
+/// State of the devices, read from the devices.
 fn describe(app: &App, owner: &Owner) -> Devices {
     Devices { activity: "idle", session: None, ..at_rest(app) }.with(owner)
 }
@@ -270,7 +270,7 @@ impl Devices {
     }
 }
 
-/// Does something and tells how the bench is then.
+/// Runs a manual operation and answers with the new state of the bench.
 async fn and_describe(
     app: &Arc<App>,
     work: impl FnOnce(&mut Owner) -> Result<(), Failure> + Send + 'static,
@@ -283,18 +283,18 @@ async fn and_describe(
     Ok(Json(done.await?))
 }
 
-/// The bench as it is.
+/// Reads the state of the bench.
 #[utoipa::path(get, path = "/api/v1/devices", tag = "devices", operation_id = "devices",
     responses((status = 200, body = Devices)))]
 pub async fn state(State(app): State<Arc<App>>) -> Json<Devices> {
     match and_describe(&app, |_| Ok(())).await {
         Ok(devices) => devices,
-        // A session has them, so nobody but it is told more.
+        // A session has the devices: only stored state is reported.
         Err(_) => Json(at_rest(&app)),
     }
 }
 
-/// Turns the analyser to an angle, from below.
+/// Turns the analyser to an angle, approaching it from below.
 #[utoipa::path(post, path = "/api/v1/devices/stage/move", tag = "devices", operation_id = "move_stage",
     request_body = Move,
     responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 409, body = Problem)))]
@@ -306,7 +306,7 @@ pub async fn move_stage(State(app): State<Arc<App>>, Body(body): Body<Move>) -> 
     and_describe(&app, move |owner| owner.turn(Some(body.analyser_deg))).await
 }
 
-/// Finds the stage's mechanical zero.
+/// Homes the stage: finds its mechanical zero.
 #[utoipa::path(post, path = "/api/v1/devices/stage/home", tag = "devices", operation_id = "home_stage",
     request_body = Nothing,
     responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 409, body = Problem)))]
@@ -314,7 +314,7 @@ pub async fn home_stage(State(app): State<Arc<App>>, Body(_nothing): Body<Nothin
     and_describe(&app, |owner| owner.turn(None)).await
 }
 
-/// Shows a pattern until told otherwise.
+/// Shows a pattern until another one is shown or the light is switched off.
 #[utoipa::path(post, path = "/api/v1/devices/display/show", tag = "devices", operation_id = "show_pattern",
     request_body = ShowBody,
     responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 409, body = Problem)))]
@@ -349,7 +349,7 @@ pub async fn set_camera(State(app): State<Arc<App>>, Body(body): Body<CameraSett
         (status = 409, body = Problem)))]
 pub async fn switch_flash(State(app): State<Arc<App>>, Body(body): Body<SwitchBody>) -> Answer<Json<Devices>> {
     let Some(flash) = &app.limits.flash else { return Err(Problem::not_found("flash")) };
-    // A little less than its limit, so that it is us who end it.
+    // Slightly less than the flash's own limit, so that the service ends the flash.
     let seconds = body.seconds.unwrap_or(f64::INFINITY).min(flash.max_on_s - 0.2);
     if body.on && seconds <= 0.0 {
         return Err(Problem::bad("seconds must be above 0"));
@@ -357,7 +357,7 @@ pub async fn switch_flash(State(app): State<Arc<App>>, Body(body): Body<SwitchBo
     and_describe(&app, move |owner| owner.flash(body.on.then_some(seconds))).await
 }
 
-/// Aborts whatever runs and switches all light off.
+/// Aborts everything and switches all light off.
 #[utoipa::path(post, path = "/api/v1/stop", tag = "devices", operation_id = "stop",
     responses((status = 200, body = Stopped), (status = 409, body = Problem)))]
 pub async fn stop(State(app): State<Arc<App>>) -> Answer<Json<Stopped>> {
@@ -378,7 +378,7 @@ pub async fn preview_picture(State(app): State<Arc<App>>, Params(query): Params<
     Ok(([(header::ETAG, tag)], body).into_response())
 }
 
-/// Histogram and numbers of the newest frame.
+/// Histogram, saturation and mean of the newest frame.
 #[utoipa::path(get, path = "/api/v1/devices/camera/preview", tag = "devices", operation_id = "preview",
     responses((status = 200, body = Preview), (status = 409, body = Problem)))]
 pub async fn preview(State(app): State<Arc<App>>) -> Answer<Json<Preview>> {
@@ -411,7 +411,7 @@ impl Picture {
     }
 }
 
-/// A picture of at most `width` pixels per row.
+/// PNG of at most `width` pixels per row.
 fn grey(picture: &Picture, width: usize) -> std::io::Result<Vec<u8>> {
     super::maps::grey(picture.width, picture.height, width, &|i| picture.level(picture.codes[i]), &encode_png8)
 }

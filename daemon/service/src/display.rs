@@ -1,5 +1,5 @@
-//! The pattern page for an LCD, `/display`: one page is bound, and what it shows counts only once it has acknowledged
-//! it. The page goes black by itself when it hears nothing.
+//! The pattern page of an LCD, `/display`. One page is bound; a pattern counts as shown once that page acknowledges
+//! it. A page that loses the connection goes black.
 
 use super::App;
 use super::problem::{Answer, Kind, Problem};
@@ -15,13 +15,13 @@ use std::sync::Arc;
 use std::time::Duration;
 use utoipa::{IntoParams, ToSchema};
 
-/// The page is told this often that the service lives.
+/// Interval of heartbeats to the page.
 const BEAT: Duration = Duration::from_secs(1);
 
-/// Longest name of a page, and hash of a pattern, in bytes.
+/// Longest page name and pattern hash in bytes.
 const LONGEST: usize = 100;
 
-/// What to show on the page.
+/// Pattern to show on the page.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({ "pattern": { "kind": "full" } }))]
@@ -29,7 +29,7 @@ pub struct ShowPattern {
     pattern: PagePattern,
 }
 
-/// A page says what it shows.
+/// Acknowledgement of a page that its pattern is visible.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Acknowledgement {
@@ -40,7 +40,7 @@ pub struct Acknowledgement {
     visible: bool,
 }
 
-/// A page says that it lives.
+/// Heartbeat of a page.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Beat {
@@ -48,12 +48,12 @@ pub struct Beat {
     visible: bool,
 }
 
-/// Which page.
+/// Name of a pattern page.
 #[derive(Debug, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct PageId {
-    /// A random name that the page gave itself.
+    /// Random name that the page chose.
     page: String,
 }
 
@@ -61,7 +61,7 @@ fn other_page(error: OtherPage) -> Problem {
     Problem::new(Kind::Conflict, error.to_string()).remedy("close one of them")
 }
 
-/// The pattern page as it is.
+/// Reads the state of the pattern page.
 #[utoipa::path(get, path = "/api/v1/display", tag = "display", operation_id = "display",
     responses((status = 200, body = DisplayState)))]
 pub async fn state(State(app): State<Arc<App>>) -> Json<DisplayState> {
@@ -84,7 +84,7 @@ pub async fn show(State(app): State<Arc<App>>, Body(body): Body<ShowPattern>) ->
     Ok(Json(app.link.state(size_mm)))
 }
 
-/// Binds a page and tells it what to show, as server-sent events: `pattern`.
+/// Binds a page, and sends its patterns as server-sent events `pattern`.
 #[utoipa::path(get, path = "/api/v1/display/link", tag = "display", operation_id = "display_link", params(PageId),
     responses((status = 200, content_type = "text/event-stream", body = String), (status = 400, body = Problem),
         (status = 409, body = Problem), (status = 429, body = Problem)))]
@@ -119,7 +119,7 @@ pub async fn link(
     Ok(Sse::new(stream).keep_alive(KeepAlive::new().interval(BEAT)))
 }
 
-/// The page shows a pattern since two of its frames.
+/// Acknowledges that a pattern has been visible for two frames of the page.
 #[utoipa::path(post, path = "/api/v1/display/acknowledge", tag = "display", operation_id = "acknowledge",
     request_body = Acknowledgement,
     responses((status = 200, body = DisplayState), (status = 400, body = Problem), (status = 409, body = Problem)))]
@@ -134,7 +134,7 @@ pub async fn acknowledge(State(app): State<Arc<App>>, Body(body): Body<Acknowled
     Ok(Json(app.link.state(app.limits.display.size_mm)))
 }
 
-/// The page lives.
+/// Heartbeat of the page.
 #[utoipa::path(post, path = "/api/v1/display/beat", tag = "display", operation_id = "display_beat", request_body = Beat,
     responses((status = 200, body = DisplayState), (status = 400, body = Problem), (status = 409, body = Problem)))]
 pub async fn beat(State(app): State<Arc<App>>, Body(body): Body<Beat>) -> Answer<Json<DisplayState>> {

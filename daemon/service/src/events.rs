@@ -1,4 +1,5 @@
-//! Events with numbers: whoever lost the connection goes on where it broke. Memory is bounded whatever subscribers do.
+//! Numbered events: a subscriber that lost its connection resumes where it broke. Memory is bounded, however slow
+//! subscribers are.
 
 use super::App;
 use super::problem::{Answer, Kind, Problem};
@@ -12,13 +13,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
 
-/// Events that are kept for those who come back.
+/// Most events that are kept for resumed connections.
 const KEPT: usize = 1000;
 
-/// A comment is sent this often, so that a dead connection is noticed.
+/// Interval of comments, by which dead connections are detected.
 const ALIVE: Duration = Duration::from_secs(10);
 
-/// A row of numbered events.
+/// A sequence of numbered events.
 pub struct EventLog {
     entries: Mutex<VecDeque<Entry>>,
     newest: watch::Sender<u64>,
@@ -61,12 +62,12 @@ impl EventLog {
         self.newest.send_replace(id);
     }
 
-    /// Adds an event of a session with its `time` in Unix seconds, where it is known.
+    /// Adds an event of a session with its `time` in Unix seconds, if known.
     pub fn push_at(&self, name: &'static str, time: Option<f64>, data: &impl Serialize) {
         self.push(name, &Timed { time, data });
     }
 
-    /// A log that goes on from this one, with its events and numbers.
+    /// A new log that continues this one, with its events and numbers.
     pub fn continued(&self) -> Self {
         let entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner).clone();
         Self { newest: watch::Sender::new(*self.newest.borrow()), entries: Mutex::new(entries), ..Self::default() }
@@ -77,12 +78,12 @@ impl EventLog {
         self.entries.lock().unwrap_or_else(PoisonError::into_inner).is_empty()
     }
 
-    /// Forgets what happened; numbers go on.
+    /// Deletes the kept events; numbering continues.
     pub fn clear(&self) {
         self.entries.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// No more events come: streams end once they have told all.
+    /// Ends the log: streams end after the last event.
     pub fn close(&self) {
         self.closed.send_replace(true);
     }
@@ -94,7 +95,7 @@ impl EventLog {
         entries.get(at).cloned()
     }
 
-    /// Waits for the event after number `last`; none when no more come.
+    /// Waits for the event after number `last`; `None` once the log has ended.
     async fn next(&self, last: u64) -> Option<Entry> {
         let (mut newest, mut closed) = (self.newest.subscribe(), self.closed.subscribe());
         loop {
@@ -113,10 +114,10 @@ impl EventLog {
     }
 }
 
-/// The log as a stream of server-sent events, from the `Last-Event-ID` of the request on.
+/// The log as a stream of server-sent events, after the `Last-Event-ID` of the request.
 ///
 /// # Errors
-/// `too-many` when all places for subscribers are taken.
+/// `too-many` when all places of subscribers are taken.
 pub fn stream(
     app: &Arc<App>,
     headers: &HeaderMap,

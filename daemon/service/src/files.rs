@@ -1,4 +1,4 @@
-//! Files of sessions and results: only what lies inside, streamed.
+//! Files of sessions and results: listed and streamed, only from inside their folder.
 
 use super::blocking;
 use super::paths::without_folders;
@@ -15,13 +15,13 @@ use std::time::SystemTime;
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio_util::io::ReaderStream;
 
-/// Deepest folder that is listed.
+/// Levels of folders that are listed.
 const MAX_DEPTH: usize = 8;
 
-/// Path of a file that is really inside a folder: no `..`, no absolute path, no link that leads out.
+/// Path of a file inside a folder: no `..`, no absolute path, no link that leads out.
 ///
 /// # Errors
-/// `not-found` for anything else.
+/// `not-found` for any other name.
 pub fn inside(folder: &Path, name: &str) -> Answer<PathBuf> {
     let missing = || Problem::not_found("such file");
     let path = Path::new(name);
@@ -37,7 +37,7 @@ pub fn inside(folder: &Path, name: &str) -> Answer<PathBuf> {
     }
 }
 
-/// All files below a folder, by relative path, with their sizes; links are not followed.
+/// All files below a folder, by relative path, with their sizes in bytes; links are not followed.
 pub fn list(folder: &Path) -> Vec<(String, u64)> {
     let mut files = vec![];
     walk(folder, folder, 0, &mut files);
@@ -61,24 +61,25 @@ fn walk(root: &Path, folder: &Path, depth: usize, files: &mut Vec<(String, u64)>
 /// Reads the `report.json` of a folder of results.
 ///
 /// # Errors
-/// [`Unreadable`] if it is missing, no regular file, or larger than 64 MiB.
+/// [`Unreadable`] if it is missing, not a regular file, or larger than 64 MiB.
 pub fn report(folder: &Path) -> Result<Vec<u8>, Unreadable> {
     input::read(&folder.join(REPORT), LARGEST_REPORT)
 }
 
-/// Media type of a download that no browser is to look into.
+/// Media type of downloads that browsers must not interpret.
 pub const BYTES: &str = "application/octet-stream";
 
 /// Report in a folder of results.
 const REPORT: &str = "report.json";
 
-/// Most bytes of a report.
+/// Largest report in bytes.
 const LARGEST_REPORT: u64 = 64 << 20;
 
-/// Streams a file as a download: the part that is asked for (`Range`, one range), or nothing where whoever asks has it already (`If-None-Match`).
+/// Streams a file as a download: the requested part (`Range`, one range), or no content if the client has this version
+/// (`If-None-Match`).
 ///
 /// # Errors
-/// `not-found` when it is not there any more; as the system answers when it cannot be opened.
+/// `not-found` if the file no longer exists; the system's error if it cannot be opened.
 pub async fn send(path: &Path, kind: &'static str, wishes: &HeaderMap) -> Answer<Response> {
     let refused = |error: Unreadable| match error {
         Unreadable::System(error) if error.kind() != ErrorKind::NotFound => {
@@ -91,7 +92,7 @@ pub async fn send(path: &Path, kind: &'static str, wishes: &HeaderMap) -> Answer
     let opened = blocking(move || Ok(input::open(&owned, most))).await?;
     let mut file = tokio::fs::File::from_std(opened.map_err(refused)?);
     if is_report {
-        // Reports name the files that they were made of, with their folders.
+        // Reports name their input files with their folders.
         let mut text = String::new();
         let read = file.read_to_string(&mut text).await;
         read.map_err(|error| refused(Unreadable::System(error)))?;
@@ -108,7 +109,7 @@ pub async fn send(path: &Path, kind: &'static str, wishes: &HeaderMap) -> Answer
     }
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "._-".contains(*c)).collect();
-    // A part of another version would fit nothing.
+    // A part of another version would not fit the client's part.
     let current = wish(header::IF_RANGE).is_none_or(|wanted| wanted == tag);
     let part = wish(header::RANGE).filter(|_| current).and_then(|range| part(range, length));
     let headers = [
@@ -140,14 +141,14 @@ pub async fn send(path: &Path, kind: &'static str, wishes: &HeaderMap) -> Answer
     }
 }
 
-/// `ETag` of a file's version: its length and time of change.
+/// `ETag` of a file's version: its length and modification time.
 fn tag(metadata: &Metadata) -> String {
     let changed = metadata.modified().ok().and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());
     format!("\"{:x}-{:x}\"", metadata.len(), changed.map_or(0, |time| time.as_nanos()))
 }
 
-/// Bytes that a `Range` of one part asks for, empty where the file has none of them; none for anything else, which is answered with the whole
-/// file (RFC 9110, section 14.2).
+/// Byte range of a `Range` with one part; empty if the file has none of these bytes. `None` for any other header,
+/// which the whole file answers (RFC 9110, section 14.2).
 fn part(range: &str, length: u64) -> Option<Range<u64>> {
     let (first, last) = range.trim().strip_prefix("bytes=")?.split_once('-')?;
     let (first, last) = (first.trim(), last.trim());

@@ -1,5 +1,5 @@
-//! Bounds the memory of requests for maps: few of them are worked on at once, and large answers wait until others have been sent.
-//! Recently read maps are cached, as one page asks for several pictures of one map.
+//! Memory bound of requests for maps. Few run at once, and large answers wait until others have been sent. Recently
+//! read maps are cached, as one page requests several pictures of one map.
 
 use super::problem::{Answer, Kind, Problem};
 use super::{blocking, files, maps};
@@ -13,30 +13,30 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-/// Works at once. Pictures are encoded on one core each.
+/// Simultaneous pieces of work. Each encodes its picture on one core.
 const PLACES: u32 = 2;
 
-/// Most bytes of maps that are kept; the newest one is kept however large it is.
+/// Most bytes of cached maps; the newest one is kept whatever its size.
 const KEPT: usize = 128 << 20;
 
-/// A map that nobody asks for is forgotten after this time.
+/// Time after which an unused map leaves the cache.
 const IDLE: Duration = Duration::from_secs(10);
 
-/// Answers on their way to clients at once, in MiB. Smaller ones than one MiB do not count.
+/// Most MiB of answers on their way to clients. Answers below 1 MiB do not count.
 const SENDING_MIB: usize = 96;
 
-/// How long an answer waits for others to be sent.
+/// Longest wait of an answer for others to be sent.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Pieces in which an answer is sent.
+/// Bytes per piece of an answer.
 const PIECE: usize = 64 << 10;
 
-/// Pixels of a table that are made at a time.
+/// Pixels per piece of a table.
 const PIXELS: usize = 1 << 18;
 
 /// One channel of a map.
 pub struct Plane {
-    /// Its values, row 0 on top.
+    /// Values, row 0 on top.
     pub values: Vec<f32>,
     /// Pixels per row.
     pub width: usize,
@@ -49,20 +49,20 @@ impl Plane {
     }
 }
 
-/// A map that is kept.
+/// A cached map.
 struct Kept {
     path: PathBuf,
     channel: &'static str,
-    /// Time and size of its file.
+    /// Modification time and size of its file.
     stamp: (SystemTime, u64),
     plane: Arc<Plane>,
     used: Instant,
 }
 
-/// The places for heavy work.
+/// Places for work that takes much memory.
 pub struct Heavy {
     places: Arc<Semaphore>,
-    /// Held while a map is read: whoever wants the same one finds it afterwards.
+    /// Held while a map is read, so that simultaneous requests read it once.
     reading: Mutex<()>,
     sending: Arc<Semaphore>,
     kept: Mutex<VecDeque<Kept>>,
@@ -80,11 +80,11 @@ impl Default for Heavy {
 }
 
 impl Heavy {
-    /// Does the work once there is a place, on a thread of its own. It keeps its place to the end, even if nobody waits for it any
-    /// more.
+    /// Runs the work on a separate thread once there is a place. The work keeps its place to the end, even if the
+    /// request is dropped.
     ///
     /// # Errors
-    /// As the work answers.
+    /// Those of the work.
     pub async fn work<T: Send + 'static>(&self, work: impl FnOnce() -> Answer<T> + Send + 'static) -> Answer<T> {
         Ok(self.begin(1, work).await?.0)
     }
@@ -99,19 +99,19 @@ impl Heavy {
         blocking(move || work().map(|done| (done, place))).await
     }
 
-    /// Answers with what the work makes. Its place is free once there is room for this answer.
+    /// Answers with the bytes that the work returns. Its place is freed once there is room for the answer.
     ///
     /// # Errors
-    /// As the work answers; `too-many` when clients take too long to read other answers.
+    /// Those of the work; `too-many` when clients read other answers too slowly.
     pub async fn answer(&self, work: impl FnOnce() -> Answer<Vec<u8>> + Send + 'static) -> Answer<Response> {
         let (bytes, _place) = self.begin(1, work).await?;
         self.send(bytes).await
     }
 
-    /// The same for work that reads whole results by itself: it has all places, and no maps are kept meanwhile.
+    /// Same for work that reads whole results: it takes all places, and the cache is emptied.
     ///
     /// # Errors
-    /// As [`Self::answer`].
+    /// Those of [`Self::answer`].
     pub async fn answer_alone(
         self: &Arc<Self>,
         work: impl FnOnce() -> Answer<Vec<u8>> + Send + 'static,
@@ -142,7 +142,7 @@ impl Heavy {
         Ok(([(header::CONTENT_LENGTH, length)], Body::from_stream(pieces)).into_response())
     }
 
-    /// A channel of a map in a result folder, by the map's name. To be called from heavy work only.
+    /// A channel of a map in a result folder, by the map's name. Call it from heavy work only.
     ///
     /// # Errors
     /// `not-found` when there is no such map.
@@ -177,13 +177,13 @@ impl Heavy {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Forgets the maps that nobody has asked for lately.
+    /// Removes unused maps from the cache after [`IDLE`].
     pub fn forget_idle(&self) {
         self.locked().retain(|k| k.used.elapsed() < IDLE);
     }
 
-    /// A map as a table or array, made in pieces while it is sent: `head`, and then the rows as `rows` writes them. Between pieces
-    /// nothing is held.
+    /// A map as a table or array, made in pieces while it is sent: `head`, then the rows as `rows` writes them. No
+    /// place and no memory is held between pieces.
     ///
     /// # Errors
     /// `not-found` when there is no such map.
@@ -216,7 +216,7 @@ impl Heavy {
                 let same = [plane.width, plane.height()] == size;
                 if same { Ok(rows(&plane, row..next)) } else { Err(maps::missing(&named.1)) }
             });
-            // A map that was replaced meanwhile ends the answer before its end, which clients notice.
+            // If the map was replaced meanwhile, the answer ends early, which clients notice.
             let piece = piece.await.map_err(|problem| std::io::Error::other(problem.to_string()))?;
             Ok::<_, std::io::Error>(Some((Bytes::from(piece), (heavy, of, next, None))))
         });
@@ -268,7 +268,7 @@ mod tests {
                 Ok(vec![])
             }
         };
-        // This one is given up while it is being worked on.
+        // This work is abandoned while it runs.
         let _ = tokio::time::timeout(Duration::from_millis(5), heavy.work(work(PLACES))).await;
         let all = (0..6).map(|_| heavy.work(work(PLACES)));
         let alone = (0..3).map(|_| heavy.answer_alone(work(1)));

@@ -1,5 +1,7 @@
-//! The databases of the service, and the task that keeps its data folder in order: it opens and repairs databases that a full disk
-//! kept shut, deletes uploads that have expired and the trash, and tells when the disk is full.
+//! The databases of the service, and the task that maintains its data folder.
+//!
+//! The task opens and repairs databases that a full disk kept closed, deletes expired uploads and trash, and reports a
+//! full disk.
 
 use super::problem::Problem;
 use super::{App, stored_uploads, trash};
@@ -18,32 +20,31 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
-/// How often the disk is looked at, and what failed is tried again.
+/// Interval of disk checks and of retries.
 const OFTEN: Duration = Duration::from_secs(1);
 
-/// How long a repair that failed is not tried again: it reads all sessions.
+/// Wait after a failed repair, which reads all sessions.
 const LATER: Duration = Duration::from_secs(10);
 
-/// How often uploads and things in the trash that have expired are looked for.
+/// Interval of the search for expired uploads and trash.
 const SELDOM: Duration = Duration::from_secs(3600);
 
-/// A disk with fewer bytes free is full: a database needs as much to be opened.
+/// Free bytes below which the disk counts as full: opening a database needs this many.
 const ROOM: u64 = 64 << 10;
 
-/// Disk space is short below this many free bytes, or a twentieth of the disk if that is less. The trash then keeps
-/// nothing.
+/// Free bytes below which space is short, or 5 % of the disk if less. The trash is then kept empty.
 const SHORT: u64 = 1 << 30;
 
 /// Folders in the data folder.
 const FOLDERS: [&str; 4] = ["sessions", "reconstructions", "uploads", "trash"];
 
-/// The databases. On a full disk the service begins with a catalogue in memory and without a job queue, so that sessions and
-/// uploads can be deleted.
+/// The databases. On a full disk the service starts with a catalogue in memory and without a job queue, so that
+/// sessions and uploads can be deleted.
 pub struct Stores {
     data: PathBuf,
     work: Work,
     catalogue: RwLock<Arc<Catalogue>>,
-    /// The catalogue lacks something: it is in memory, or an entry could not be written.
+    /// The catalogue is incomplete: it is in memory, or an entry could not be written.
     stale: AtomicBool,
     in_memory: AtomicBool,
     jobs: OnceLock<Jobs>,
@@ -51,13 +52,13 @@ pub struct Stores {
 }
 
 impl Stores {
-    /// Opens the databases in the data folder, and makes it where there is none.
+    /// Opens the databases in the data folder, which is created if missing.
     ///
     /// # Errors
-    /// Whatever makes the folder unusable, apart from a full disk.
+    /// Any error that makes the folder unusable, except a full disk.
     pub async fn open(data: &Path, work: Work) -> Result<Self, Error> {
         let refused = |path: &Path, error: io::Error| match error.kind() {
-            // Tried again later.
+            // Retried later.
             ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Ok(()),
             ErrorKind::ReadOnlyFilesystem => {
                 let problem = "lies on a disk that is mounted read-only";
@@ -65,7 +66,7 @@ impl Stores {
             }
             _ => Err(Error::output(path, error)),
         };
-        // Nobody else's business: photographs, names and notes.
+        // Private to the user: photographs, names and notes.
         DirBuilder::new().recursive(true).mode(0o700).create(data).or_else(|e| refused(data, e))?;
         for folder in FOLDERS.map(|name| data.join(name)) {
             std::fs::create_dir_all(&folder).or_else(|e| refused(&folder, e))?;
@@ -92,7 +93,7 @@ impl Stores {
         };
         match stores.open_jobs().await {
             Err(error) if is_full(&error) => {}
-            // Nobody else works on the folder.
+            // The lock is held, so no other process uses the folder.
             Ok(()) => stored_uploads::sweep_earlier(&data.join("uploads")),
             Err(error) => return Err(error),
         }
@@ -102,7 +103,7 @@ impl Stores {
 
     async fn open_jobs(&self) -> Result<(), Error> {
         let jobs = Jobs::open(&self.data, self.work.clone()).await?;
-        // One task opens them.
+        // Only one task opens the queue, so it is not set yet.
         let _ = self.jobs.set(jobs);
         Ok(())
     }
@@ -117,12 +118,12 @@ impl Stores {
         self.jobs.get()
     }
 
-    /// Brings an entry of the catalogue up to date. One that cannot be written follows later.
+    /// Updates an entry of the catalogue. If it cannot be written, the catalogue is repaired later.
     pub async fn note(&self, row: &SessionRow) {
         self.noted(self.catalogue().put(row).await);
     }
 
-    /// Removes an entry of the catalogue, now or later.
+    /// Removes an entry of the catalogue, now or at the next repair.
     pub async fn forget(&self, row: &SessionRow) {
         self.noted(self.catalogue().remove(&row.id).await);
     }
@@ -134,35 +135,35 @@ impl Stores {
         }
     }
 
-    /// Whether the disk is full, as it was a moment ago.
+    /// Whether the disk was full at the last check.
     pub fn is_full(&self) -> bool {
         self.full.load(Ordering::Relaxed) || self.jobs.get().is_none()
     }
 
-    /// What is wrong with the data folder, for people; nothing if all is well.
+    /// Problems of the data folder as sentences for people; empty if there are none.
     pub fn problems(&self) -> Vec<String> {
         let full = Problem::full();
         let queue = self.jobs.get().is_none().then(|| "reconstructions are not available until there is space".into());
         self.is_full().then(|| full.to_string()).into_iter().chain(queue).collect()
     }
 
-    /// Bytes of the disk that are free, and all of them.
+    /// Free and total bytes of the disk.
     fn space(&self) -> [u64; 2] {
-        // What cannot be asked is not full.
+        // A disk that cannot be queried does not count as full.
         statvfs(&self.data).map_or([u64::MAX; 2], |disk| {
-            // Part of a disk may be reserved for the administrator.
+            // File systems may reserve a part for the administrator.
             let free = if geteuid().is_root() { disk.f_bfree } else { disk.f_bavail };
             [free, disk.f_blocks].map(|blocks| blocks.saturating_mul(disk.f_frsize))
         })
     }
 
-    /// Whether disk space is so short that nothing is kept in the trash.
+    /// Whether disk space is so short that the trash is kept empty.
     pub fn is_short(&self) -> bool {
         let [free, all] = self.space();
         free < SHORT.min(all / 20).max(ROOM)
     }
 
-    /// Looks whether the disk is full.
+    /// Checks whether the disk is full.
     fn look(&self) {
         let [free, _] = self.space();
         let full = free < ROOM;
@@ -176,7 +177,7 @@ impl Stores {
         }
     }
 
-    /// Opens and repairs what failed before.
+    /// Opens and repairs databases that failed before.
     async fn repair(&self) -> Result<(), Error> {
         if self.full.load(Ordering::Relaxed) {
             return Ok(());
@@ -188,7 +189,7 @@ impl Stores {
             self.open_jobs().await?;
             tracing::info!("the job queue is open");
         }
-        // Whoever finds something missing meanwhile has it repaired once more.
+        // An entry that goes missing meanwhile sets the flag again.
         if self.stale.swap(false, Ordering::Relaxed) {
             let repaired = self.repair_catalogue().await;
             self.stale.fetch_or(repaired.is_err(), Ordering::Relaxed);
@@ -202,14 +203,14 @@ impl Stores {
             let opened = catalogue(&self.data).await?;
             *self.catalogue.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(opened);
             self.in_memory.store(false, Ordering::Relaxed);
-            // Again, for sessions that were noted in memory while it was opened.
+            // Once more, for sessions that were entered into the catalogue in memory meanwhile.
         }
         self.catalogue().rebuild(&[self.data.join("sessions")], &Silent).await?;
         tracing::info!("the catalogue is repaired");
         Ok(())
     }
 
-    /// Stores everything and closes the databases.
+    /// Writes all changes and closes the databases.
     pub async fn close(&self) {
         if let Some(jobs) = self.jobs.get() {
             jobs.shutdown().await;
@@ -225,7 +226,7 @@ async fn catalogue(data: &Path) -> Result<Catalogue, Error> {
 
 async fn rebuilt(catalogue: Catalogue, data: &Path) -> Result<Catalogue, Error> {
     let sessions = data.join("sessions");
-    // There may be no room for the folder.
+    // A full disk may have no room for the folder.
     if sessions.is_dir() {
         let rebuilt = catalogue.rebuild(&[sessions], &Silent).await?;
         tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
@@ -239,7 +240,7 @@ pub fn is_full(error: &Error) -> bool {
     matches!(error, Error::Output { source, .. } if full(source.kind()))
 }
 
-/// Removes what killed processes left: results and uploads that were not complete.
+/// Removes incomplete results and uploads of killed processes.
 fn sweep(data: &Path) {
     let sessions = std::fs::read_dir(data.join("sessions")).into_iter().flatten().flatten();
     sessions.for_each(|session| sweep_all(&session.path()));
@@ -247,7 +248,7 @@ fn sweep(data: &Path) {
     sweep_all(data);
 }
 
-/// Keeps the data folder in order until the service ends.
+/// Maintains the data folder until the service ends.
 pub async fn keep(app: Arc<App>) {
     let mut stop = app.stopping.subscribe();
     let (mut failed, mut expired): (Option<Instant>, Option<Instant>) = (None, None);

@@ -1,5 +1,5 @@
-//! `Idempotency-Key`: requests with the same key make one thing, however often and however simultaneously they are sent. Keys
-//! outlive the service in a file of the data folder.
+//! `Idempotency-Key`: simultaneous and repeated requests with the same key create one resource. Keys survive a restart
+//! in a file of the data folder.
 
 use super::problem::{Answer, Kind, Problem};
 use axum::Json;
@@ -16,19 +16,19 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::OwnedMutexGuard;
 
-/// Keys that are remembered.
+/// Most keys that are kept.
 const KEPT: usize = 1024;
 
-/// Most bytes of the file that are read: half a million keys in one life of the service, 160 bytes each.
+/// Most bytes of the file that are read: half a million keys of 160 bytes from one run of the service.
 const LARGEST: u64 = 64 << 20;
 
 /// Longest key in characters.
 const LONGEST: usize = 200;
 
-/// Name of the file in the data folder. A line for each thing made: key, body and id.
+/// Name of the file in the data folder. Each line is one resource: key, body and id.
 const FILE: &str = "keys";
 
-/// A JSON body, with the key of the request if it has one.
+/// A JSON body, and the request's key if it has one.
 pub struct Keyed<T> {
     /// The body.
     pub body: T,
@@ -36,11 +36,11 @@ pub struct Keyed<T> {
     pub key: Option<Key>,
 }
 
-/// The key of a request, and what the request asks for; both as hashes.
+/// Key and body of a request, as hashes.
 pub struct Key {
-    /// The key itself, for one path and one user.
+    /// Hash of the key, path and user.
     name: String,
-    /// The body, however it is formatted.
+    /// Hash of the body, whatever its formatting.
     body: String,
 }
 
@@ -62,7 +62,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Keyed<T> {
         let bytes = Bytes::from_request(Request::from_parts(parts.clone(), body), state).await?;
         let request = Request::from_parts(parts, Body::from(bytes.clone()));
         let Json(body) = Json::<T>::from_request(request, state).await?;
-        // Its order of keys and its blanks mean nothing.
+        // Order of keys and white space do not matter.
         let mut value: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
         value.sort_all_objects();
         let key = Some(Key { name, body: sha256(value.to_string().as_bytes()) });
@@ -70,7 +70,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Keyed<T> {
     }
 }
 
-/// The keys that are known.
+/// The known keys.
 pub struct Keys {
     entries: Mutex<VecDeque<Arc<Entry>>>,
     file: PathBuf,
@@ -78,18 +78,18 @@ pub struct Keys {
 
 struct Entry {
     name: String,
-    /// Held while a request with this key is worked on.
+    /// Locked while a request with this key runs.
     made: Arc<tokio::sync::Mutex<Option<Made>>>,
 }
 
-/// A thing that was made, or would have been but for a failure.
+/// A resource that was created, or whose creation failed.
 struct Made {
     body: String,
     id: String,
 }
 
 impl Keys {
-    /// With the keys that earlier runs of the service left in the data folder.
+    /// Reads the keys that earlier runs of the service stored in the data folder.
     pub fn open(data: &Path) -> Self {
         let file = data.join(FILE);
         let text =
@@ -110,7 +110,7 @@ impl Keys {
         self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The turn of a request, which other requests with the same key wait for.
+    /// Waits until no other request with the same key runs.
     pub async fn turn(&self, key: Option<Key>) -> Turn<'_> {
         let Some(key) = key else { return Turn { keys: self, held: None } };
         let entry = self.entry(&key.name);
@@ -125,7 +125,7 @@ impl Keys {
         }
         let entry = Arc::new(Entry { name: name.to_owned(), made: Arc::default() });
         entries.push_back(entry.clone());
-        // Those that requests wait for stay.
+        // Entries that requests wait for are kept.
         if entries.len() > KEPT
             && let Some(oldest) = entries.iter().position(|e| Arc::strong_count(&e.made) == 1)
         {
@@ -140,7 +140,7 @@ impl Keys {
     }
 }
 
-/// An entry as it stands in the file; `None` for a line that was cut off.
+/// Parses a line of the file; `None` for a truncated line.
 fn read(line: &str) -> Option<Arc<Entry>> {
     let [name, body, id] = line.split(' ').collect::<Vec<_>>().try_into().ok()?;
     let hash = |text: &str| text.len() == 64 && text.bytes().all(|b| b.is_ascii_hexdigit());
@@ -149,22 +149,23 @@ fn read(line: &str) -> Option<Arc<Entry>> {
     whole.then(|| Arc::new(Entry { name: name.to_owned(), made: Arc::new(made.into()) }))
 }
 
-/// The turn of a request with a key, or of one without.
+/// Exclusive use of a key, or a request without one.
 pub struct Turn<'a> {
     keys: &'a Keys,
     held: Option<(Key, OwnedMutexGuard<Option<Made>>)>,
 }
 
 impl Turn<'_> {
-    /// The id that an earlier request with this key made something under. It may have failed, or have been deleted since.
+    /// Id of the resource of an earlier request with this key. Its creation may have failed, and it may have been
+    /// deleted.
     pub fn made(&self) -> Option<String> {
         self.held.as_ref().and_then(|(_, made)| Some(made.as_ref()?.id.clone()))
     }
 
-    /// Whether the earlier request asked for the same.
+    /// Checks that the earlier request had the same body.
     ///
     /// # Errors
-    /// `reused-key` when it asked for something else.
+    /// `reused-key` if the bodies differ.
     pub fn same(&self) -> Answer<()> {
         match &self.held {
             Some((key, made)) if made.as_ref().is_some_and(|made| made.body != key.body) => {
@@ -175,7 +176,8 @@ impl Turn<'_> {
         }
     }
 
-    /// The id of what this request is about to make. It is noted first, so that a request that is cut off is not repeated.
+    /// Id of the resource that this request creates. It is stored first, so that an interrupted request is not
+    /// repeated.
     pub fn begin(&mut self) -> String {
         let id = super::new_id();
         if let Some((key, made)) = &mut self.held {

@@ -73,51 +73,51 @@ use ulid::{Generator, Ulid};
 
 pub use router::openapi;
 
-/// Runs that are remembered after their end,
+/// Most runs that are kept after their end.
 const KEPT_RUNS: usize = 1000;
 
-/// and those of them with their events and last map.
+/// Most ended runs that keep their events and last map.
 const KEPT_WHOLE: usize = 8;
 
-/// Everything that handlers share.
+/// State that all handlers share.
 pub struct App {
-    /// How the service is configured.
+    /// Configuration of the service.
     pub config: Config,
-    /// What the devices can do.
+    /// Limits of the devices.
     pub limits: Limits,
-    /// Identities of the interlocks.
+    /// Ids of the interlocks.
     pub interlocks: Vec<String>,
     /// The bench.
     pub bench: Bench,
-    /// How the panel is configured.
+    /// Configuration of the panel.
     pub display: Option<DisplayConfig>,
     /// The newest measurement of the panel.
     pub measurement: Mutex<Option<Arc<measure::Measuring>>>,
-    /// Index of sessions, and reconstructions.
+    /// Catalogue of sessions, and job queue.
     pub stores: Stores,
-    /// The picture that is being rendered.
+    /// The rendering under way.
     pub renders: Arc<renders::Renders>,
     /// Runs of sessions.
     pub runs: Runs,
     /// The pattern page.
     pub link: Arc<Link>,
-    /// Nothing of the bench is real.
+    /// Whether the whole bench is simulated.
     pub simulated: bool,
     /// Places for event streams.
     pub subscribers: Arc<Semaphore>,
     /// Places for requests.
     pub requests: Arc<Semaphore>,
-    /// The service ends.
+    /// Set when the service ends.
     pub stopping: watch::Sender<bool>,
-    /// What is counted.
+    /// Counters.
     pub metrics: Metrics,
     /// Idempotency keys.
     pub keys: Keys,
     /// Places for work that takes much memory.
     pub heavy: Arc<Heavy>,
-    /// Held while things are moved into the trash, out of it, or deleted from it.
+    /// Locked while entries are moved into the trash, restored or deleted from it.
     pub trash_turn: tokio::sync::Mutex<()>,
-    /// Makes deletion tokens that nobody can guess, new with each start.
+    /// Secret of the deletion tokens, new with each start.
     secret: String,
 }
 
@@ -130,7 +130,7 @@ impl Runs {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a run; returns the one that it takes the place of.
+    /// Adds a run; returns the run of the same session that it replaces.
     pub fn insert(&self, run: Arc<Run>) -> Option<Arc<Run>> {
         let mut runs = self.locked();
         let before = runs.iter().position(|r| r.id == run.id).and_then(|at| runs.remove(at));
@@ -143,7 +143,7 @@ impl Runs {
         before
     }
 
-    /// Puts back what a run that never began took the place of.
+    /// Restores the run that was replaced by one that never began.
     pub fn restore(&self, id: &str, before: Option<Arc<Run>>) {
         self.remove(id);
         if let Some(before) = before {
@@ -151,7 +151,7 @@ impl Runs {
         }
     }
 
-    /// Forgets a run.
+    /// Removes a run.
     pub fn remove(&self, id: &str) {
         self.locked().retain(|r| r.id != id);
     }
@@ -199,13 +199,13 @@ impl App {
     /// Folder of a session, whether it exists or not.
     ///
     /// # Errors
-    /// `not-found` for what is no id.
+    /// `not-found` for an invalid id.
     pub fn session_folder(&self, id: &str) -> Answer<PathBuf> {
         check_id(id)?;
         Ok(self.config.data.join("sessions").join(id))
     }
 
-    /// Folder of a session.
+    /// Folder of an existing session.
     ///
     /// # Errors
     /// `not-found` when there is none.
@@ -224,7 +224,7 @@ impl App {
         self.runs.locked().iter().find(|r| r.id == id).cloned()
     }
 
-    /// Brings the catalogue up to date with a session.
+    /// Updates a session in the catalogue.
     pub async fn note(&self, folder: &Path) {
         let owned = folder.to_path_buf();
         let read = blocking(move || Ok(SessionRow::read(&owned)?)).await;
@@ -237,18 +237,18 @@ impl App {
     /// The job queue.
     ///
     /// # Errors
-    /// `full` when it could not be opened yet, as the disk is full.
+    /// `full` when a full disk still prevents opening it.
     pub fn jobs(&self) -> Answer<&Jobs> {
         self.stores.jobs().ok_or_else(Problem::full)
     }
 
-    /// What confirms the deletion of a session or reconstruction.
+    /// Token that confirms the deletion of a session or reconstruction.
     pub fn deletion_token(&self, id: &str) -> String {
         sha256(format!("{}{id}", self.secret).as_bytes()).chars().take(24).collect()
     }
 }
 
-/// The service without a network, for tests that bring their own requests: its router, which keeps bench and data folder open while it lives.
+/// The service without a network, for tests: its router, which keeps bench and data folder open while it lives.
 ///
 /// # Errors
 /// The bench or the data folder cannot be used.
@@ -258,8 +258,8 @@ pub async fn in_process(config: Config, place: Place) -> Result<axum::Router, Fa
     Ok(router::router(&app).layer(axum::Extension(activity)))
 }
 
-/// Serves until `stop`; the light is off and everything is stored afterwards. `ready` is told the address, and what is wrong with the
-/// data folder, such as a full disk.
+/// Serves until `stop`; afterwards the light is off and everything is stored. `ready` receives the address and the
+/// problems of the data folder, such as a full disk.
 ///
 /// # Errors
 /// The bench, the data folder or the address cannot be used.
@@ -284,47 +284,47 @@ pub async fn serve(
         stop.await;
         supervised::stopping();
         closing.stopping.send_replace(true);
-        // First of all the light, and a session in progress, which survives that.
+        // The light goes off first. A session in progress is aborted and can be resumed.
         let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
     };
     connections::serve(listener, router::router(&app), most, patience, graceful).await;
-    // It may be opening what is closed next.
+    // It may still open databases that are closed below.
     let _ = keeper.await;
     app.stores.close().await;
     Ok(())
 }
 
-/// Ids are ULIDs, so that no other path is ever made of them.
+/// Checks that an id is a ULID, so that it cannot name any other path.
 ///
 /// # Errors
-/// `not-found` for anything else.
+/// `not-found` otherwise.
 pub fn check_id(id: &str) -> Answer<()> {
     let plain = id.len() == 26 && id.bytes().all(|b| b.is_ascii_digit() || b.is_ascii_uppercase());
     if plain { Ok(()) } else { Err(Problem::not_found("such thing")) }
 }
 
-/// Ids within a millisecond count up.
+/// Ids of the same millisecond increase, too.
 static IDS: Mutex<Generator> = Mutex::new(Generator::new());
 
-/// A new id; later ones sort after earlier ones.
+/// A new id; later ids sort after earlier ones.
 pub fn new_id() -> String {
     let mut ids = IDS.lock().unwrap_or_else(PoisonError::into_inner);
     ids.generate().unwrap_or_else(|overflow| overflow.commit_overflow_increment()).to_string()
 }
 
-/// Runs what computes or reads files apart from the requests.
+/// Runs work that computes or reads files on a thread where it may block.
 ///
 /// # Errors
-/// As the work answers.
+/// Those of the work.
 pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> Answer<T> + Send + 'static) -> Answer<T> {
     let done = tokio::task::spawn_blocking(work).await;
     done.unwrap_or_else(|_| Err(Problem::new(Kind::Internal, "the work ended unexpectedly")))
 }
 
-/// The width of a picture, as asked for or as usual.
+/// Width of a picture in pixels: `asked`, or else `usual`.
 ///
 /// # Errors
-/// `bad-request` for a width that no picture has.
+/// `bad-request` for a width outside the range of pictures.
 pub fn picture_width(asked: Option<usize>, usual: usize) -> Answer<usize> {
     match asked.unwrap_or(usual) {
         width @ 1..=16_384 => Ok(width),
@@ -335,13 +335,13 @@ pub fn picture_width(asked: Option<usize>, usual: usize) -> Answer<usize> {
 /// A PNG as an answer.
 ///
 /// # Errors
-/// `bad-request` when it cannot be made of these numbers.
+/// `bad-request` if the picture could not be encoded.
 pub fn png(encoded: std::io::Result<Vec<u8>>) -> Answer<impl IntoResponse> {
     let bytes = encoded.map_err(|e| Problem::bad(e.to_string()))?;
     Ok(([(header::CONTENT_TYPE, "image/png")], bytes))
 }
 
-/// A JSON body; what is wrong with it is a problem.
+/// A JSON body; an invalid one is answered with a problem.
 pub struct Body<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
@@ -352,7 +352,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
     }
 }
 
-/// Query parameters.
+/// Query parameters; invalid ones are answered with a problem.
 pub struct Params<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
@@ -363,7 +363,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
     }
 }
 
-/// Path parameters; what is no such path is not there.
+/// Path parameters; an invalid one is answered with `not-found`.
 pub struct At<T>(pub T);
 
 impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for At<T> {
