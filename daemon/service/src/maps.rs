@@ -8,21 +8,21 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 
-/// Widest picture that is made.
+/// Widest picture in pixels.
 const MAX_WIDTH: usize = 16_384;
 
-/// Which part of a map is drawn, and how wide.
+/// Part of a map to draw, and the picture's width.
 pub struct View {
-    /// Pixels per row of the picture, at most.
+    /// Most pixels per row of the picture.
     pub width: usize,
-    /// Left, top, width and height in the map; all of it when it is not given.
+    /// Left, top, width and height in pixels of the map. Default: the whole map.
     pub region: Option<[usize; 4]>,
-    /// Colours of angles.
+    /// Colour map of angles.
     pub palette: Palette,
 }
 
-/// A map by name: its file in `folder` and its channel. Results of plain polarimetry have no orientations; their σ and mask are those of the
-/// angle of polarization.
+/// File in `folder` and channel of a map, by its name. Results of plain polarimetry have no orientations; their σ and
+/// mask are those of the angle of polarization.
 pub fn source(folder: &Path, name: &str) -> Option<(&'static str, &'static str)> {
     let angles = || if folder.join("orientation.exr").exists() { "orientation.exr" } else { "aolp.exr" };
     Some(match name {
@@ -39,7 +39,7 @@ pub fn source(folder: &Path, name: &str) -> Option<(&'static str, &'static str)>
     })
 }
 
-/// The problem of a map that is not there.
+/// Problem of a map that does not exist.
 pub fn missing(name: &str) -> Problem {
     let name: String = name.chars().take(80).collect();
     Problem::not_found(format!("map {name:?}")).remedy(
@@ -47,7 +47,7 @@ pub fn missing(name: &str) -> Problem {
     )
 }
 
-/// One plane of a result folder, with its width.
+/// One plane of a result folder, and its width in pixels.
 ///
 /// # Errors
 /// `not-found` when there is no such map.
@@ -58,19 +58,20 @@ pub fn plane(folder: &Path, name: &str) -> Answer<(Vec<f32>, usize)> {
 
 type Encode = dyn Fn(usize, usize, usize, &[u8]) -> io::Result<Vec<u8>>;
 
-/// The header that tells the page what the colours of a picture stand for; σ in degrees, as people read it.
+/// Header with the values of the darkest and the lightest colour of a picture; σ in degrees.
 pub fn range_header(name: &str, plane: &[f32]) -> (&'static str, String) {
     let unit = if name == "sigma" { 180.0 / std::f32::consts::PI } else { 1.0 };
     let [low, high] = range(name, plane).map(|v| v * unit);
     ("x-nacre-range", format!("{low},{high}"))
 }
 
-/// The header that tells the page which colours angles have.
+/// Header with the colour map of angles.
 pub fn palette_header(palette: Palette) -> (&'static str, String) {
     ("x-nacre-palette", palette.to_string())
 }
 
-/// Colours of angles in the pictures of a result folder. Reports of versions that had hues alone do not name them.
+/// Colour map of angles in the pictures of a result folder. Reports of early versions, which used hues only, do not
+/// name it.
 pub fn palette(folder: &Path) -> Palette {
     #[derive(serde::Deserialize)]
     struct Report {
@@ -80,7 +81,7 @@ pub fn palette(folder: &Path) -> Palette {
     report.and_then(|bytes| serde_json::from_slice(&bytes).ok()).map_or(Palette::Hsv, |report: Report| report.palette)
 }
 
-/// A picture of a plane: angles in the colours of the palette, the others from dark to light over their range.
+/// Picture of a plane: angles in the colours of the palette, other values from dark to light over their range.
 ///
 /// # Errors
 /// A sentence when the view is empty.
@@ -102,8 +103,8 @@ pub fn picture(name: &str, plane: &[f32], width: usize, view: &View, encode: &En
     encode(columns, rows, 3, &bytes).map_err(|e| e.to_string())
 }
 
-/// Values of the darkest and the lightest colour: σ and DoLP from 0, so that pictures can be compared; all periods within the
-/// range that they fill.
+/// Values of the darkest and the lightest colour: σ and DoLP from 0, so that pictures are comparable; periods over
+/// their own range.
 pub fn range(name: &str, plane: &[f32]) -> [f32; 2] {
     let mut sorted: Vec<f32> = plane.iter().copied().filter(|v| v.is_finite()).step_by(17).collect();
     sorted.sort_unstable_by(f32::total_cmp);
@@ -126,10 +127,10 @@ fn colors(name: &str, plane: &[f32], palette: Palette) -> Box<dyn Fn(f32) -> Rgb
     }
 }
 
-/// A grey picture with a display's gamma of `level(i)`, 0 to 1, of at most `most` pixels per row.
+/// Grey picture of `level(i)`, 0 to 1, with a display's gamma and at most `most` pixels per row.
 ///
 /// # Errors
-/// As the encoder answers.
+/// Those of the encoder.
 pub fn grey(
     width: usize,
     height: usize,
@@ -146,10 +147,10 @@ pub fn grey(
     encode(columns, rows, 1, &bytes)
 }
 
-/// A smaller picture of a stored frame, stretched to its brightest pixel.
+/// Reduced picture of a stored frame, scaled to its brightest pixel.
 ///
 /// # Errors
-/// `not-found` when it is no frame.
+/// `not-found` if the file is not a frame.
 pub fn thumbnail(path: &Path, width: usize) -> Answer<Vec<u8>> {
     let raster = read(path).map_err(|_| Problem::not_found("such frame"))?;
     let Samples::U16(codes) = &raster.samples else { return Err(Problem::not_found("such frame")) };
@@ -158,12 +159,12 @@ pub fn thumbnail(path: &Path, width: usize) -> Answer<Vec<u8>> {
     grey(raster.width, raster.height, width, &level, &encode_png8).map_err(|e| Problem::bad(e.to_string()))
 }
 
-/// First line of a plane as text.
+/// First line of a plane as CSV.
 pub fn csv_head(name: &str) -> Vec<u8> {
     format!("x,y,{name}\n").into_bytes()
 }
 
-/// Rows of a plane as text: a line `x,y,value` per pixel, empty where masked.
+/// Rows of a plane as CSV: a line `x,y,value` per pixel, with an empty value where masked.
 pub fn csv_rows(plane: &Plane, rows: Range<usize>) -> Vec<u8> {
     let mut text = String::new();
     for y in rows {
@@ -174,11 +175,11 @@ pub fn csv_rows(plane: &Plane, rows: Range<usize>) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Header of a plane as a NumPy array of 32-bit floats, rows first (format 1.0).
+/// Header of a plane as a NumPy array of 32-bit floats in row-major order (format 1.0).
 pub fn npy_head(plane: &Plane) -> Vec<u8> {
     let (width, height) = (plane.width, plane.height());
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
-    // The data begins at a multiple of 64 bytes.
+    // The data begin at a multiple of 64 bytes.
     while (10 + header.len() + 1) % 64 != 0 {
         header.push(' ');
     }
@@ -189,7 +190,7 @@ pub fn npy_head(plane: &Plane) -> Vec<u8> {
     bytes
 }
 
-/// Rows of a plane as they stand in a NumPy array.
+/// Rows of a plane in the format of a NumPy array.
 pub fn npy_rows(plane: &Plane, rows: Range<usize>) -> Vec<u8> {
     let values = &plane.values[rows.start * plane.width..rows.end * plane.width];
     values.iter().flat_map(|v| v.to_le_bytes()).collect()

@@ -1,4 +1,4 @@
-//! `/api/v1/devices/display/measurement`: the panel's tone curve and its delay, as the camera sees them.
+//! `/api/v1/devices/display/measurement`: the panel's tone curve and delay, measured with the camera.
 
 use super::bench::PANEL;
 use super::problem::{Answer, Problem};
@@ -15,35 +15,35 @@ use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use utoipa::ToSchema;
 
-/// Stages of a measurement of the panel, with their parts of its time: metering, changes, levels.
+/// Shares of the measurement's time of its stages: metering, changes, levels.
 const PARTS: [f64; 3] = [0.05, 0.3, 0.65];
 
-/// How finely the panel is to be measured.
+/// Number of levels of a measurement.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Levels {
-    /// 6, 16, 18, 52 or 86 levels, whose codes are whole numbers.
+    /// Number of levels: 6, 16, 18, 52 or 86, whose codes are whole numbers.
     #[schema(example = 16, minimum = 6, maximum = 86)]
     levels: usize,
 }
 
-/// The newest measurement of the panel since the service began.
+/// The newest measurement of the panel since the service started.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Measurement {
     /// `none`, `running`, `done`, `failed` or `stopped`.
     state: &'static str,
-    /// What it does.
+    /// Current stage.
     stage: String,
-    /// 0 to 1.
+    /// Fraction done of the measurement, 0 to 1.
     progress: f64,
-    /// Why it failed, and what to do.
+    /// Cause of the failure and its remedy.
     error: Option<String>,
-    /// What was found: as `nacre calibrate panel` writes it.
+    /// Results, in the format of `nacre calibrate panel`.
     #[schema(value_type = Option<Object>)]
     found: Option<Found>,
 }
 
-/// What was found, the curve for a panel that draws by its own, and what to configure.
+/// Results: the measurement, the tone curve of a panel that draws patterns itself, and the configuration to use.
 #[derive(Clone, Debug, Serialize)]
 struct Found {
     #[serde(flatten)]
@@ -52,7 +52,7 @@ struct Found {
     advice: Vec<String>,
 }
 
-/// Where a measurement is.
+/// State of a measurement.
 pub struct Measuring {
     control: Arc<Control>,
     inner: Mutex<Inner>,
@@ -62,7 +62,7 @@ struct Inner {
     stage: String,
     steps: u64,
     done: u64,
-    /// Stages before this one.
+    /// Number of stages before the current one.
     before: usize,
     end: Option<Result<Found, String>>,
 }
@@ -118,8 +118,9 @@ impl Progress for Measuring {
     }
 }
 
-/// Measures the panel: even levels from black to white and back, and changes between the two, as the camera sees them. Takes a minute or so;
-/// STOP ends it.
+/// Measures the panel with the camera: uniform levels from black to white and back, and changes between the two.
+///
+/// Takes about a minute; STOP ends it.
 #[utoipa::path(post, path = "/api/v1/devices/display/measure", tag = "devices", operation_id = "measure_panel",
     request_body = Levels,
     responses((status = 202, body = Measurement, headers(("Location" = String, description = "The measurement"))),
@@ -142,7 +143,7 @@ pub async fn begin(State(app): State<Arc<App>>, Body(body): Body<Levels>) -> Ans
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(described)).into_response())
 }
 
-/// The newest measurement of the panel.
+/// Reads the newest measurement of the panel.
 #[utoipa::path(get, path = "/api/v1/devices/display/measurement", tag = "devices", operation_id = "panel_measurement",
     responses((status = 200, body = Measurement)))]
 pub async fn state(State(app): State<Arc<App>>) -> Json<Measurement> {

@@ -12,7 +12,7 @@ use nacre_store::jobs::Spec;
 use serde_json::Value;
 use std::path::{Component, Path, PathBuf};
 
-/// Checks a job's input and options, and estimates it. `data` is the service's folder.
+/// Checks a job's input and options, and estimates its time, memory and disk. `data` is the service's data folder.
 pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
     let input = input_of(spec, data);
     if spec.session.is_some() {
@@ -51,7 +51,7 @@ fn input_of(spec: &Spec, data: &Path) -> PathBuf {
     }
 }
 
-/// The operation with its options, whose files are those that were sent with the input.
+/// The operation with its options, in which names of uploaded files are replaced by their paths.
 fn ready(spec: &Spec, data: &Path) -> Result<Box<dyn Ready>, Error> {
     let operation = spec.operation.operation();
     let mut options = Value::Object(spec.options.clone());
@@ -62,7 +62,7 @@ fn ready(spec: &Spec, data: &Path) -> Result<Box<dyn Ready>, Error> {
     operation.with(&options)
 }
 
-/// Puts the paths of files that were sent in place of their names. Other files of this machine are nobody's business.
+/// Replaces names of uploaded files by their paths. Other files of this machine are refused.
 fn found(fields: &Fields, options: &mut Value, input: &Path) -> Result<(), Error> {
     for field in &fields.list {
         let Some(Value::String(name)) = field.file(options) else { continue };
@@ -79,7 +79,7 @@ fn found(fields: &Fields, options: &mut Value, input: &Path) -> Result<(), Error
     Ok(())
 }
 
-/// Names a file as whoever sent it does: without the folder that it is in here.
+/// Names a file of an error as in the request, without its folder on this machine.
 fn as_sent(error: Error, folder: &Path) -> Error {
     match error {
         Error::Input { subject, problem, remedy } if !folder.as_os_str().is_empty() => {
@@ -90,10 +90,10 @@ fn as_sent(error: Error, folder: &Path) -> Error {
     }
 }
 
-/// Does a job of the service whose data folder this is.
+/// Runs a job of the service with this data folder.
 ///
 /// # Errors
-/// As the operation answers.
+/// Those of the operation.
 pub fn perform(data: &Path, spec: &Spec, progress: &dyn Progress) -> Result<(), Error> {
     let input = input_of(spec, data);
     let done = ready(spec, data)?.perform(&input, &result_folder(data, &spec.id), true, progress);

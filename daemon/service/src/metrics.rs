@@ -1,4 +1,4 @@
-//! What is counted, in Prometheus' text format.
+//! Counters in Prometheus' text format.
 
 use nacre_capture::engine::State;
 use prometheus_client::encoding::EncodeLabelSet;
@@ -38,17 +38,17 @@ impl Default for Metrics {
 }
 
 impl Metrics {
-    /// A request was answered.
+    /// Counts an answered request.
     pub fn answered(&self, status: u16) {
         self.requests.get_or_create(&Status { status: status.into() }).inc();
     }
 
-    /// A run of a session ended.
+    /// Counts a session run that ended.
     pub fn session_ended(&self, state: State) {
         self.sessions.get_or_create(&End { state: nacre_capture::plan::word(state) }).inc();
     }
 
-    /// All of it as text; `streams` event streams are open.
+    /// All counters as text; `streams` is the number of open event streams.
     pub fn text(&self, streams: usize) -> String {
         self.subscribers.set(streams as i64);
         let mut text = String::new();

@@ -1,4 +1,4 @@
-//! Names of sessions, uploads and reconstructions: given by people, else derived from the sample, the files or the
+//! Names of sessions, uploads and reconstructions: given by people, or derived from the sample, the files or the
 //! input.
 
 use super::problem::{Answer, Kind, Problem};
@@ -18,7 +18,7 @@ use std::path::Path;
 use std::sync::Arc;
 use utoipa::ToSchema;
 
-/// Results of operations in names; others are called as the operation.
+/// Names of results by operation. Results of other operations have the operation's name.
 const RESULTS: [(&str, &str); 10] = [
     ("hdr", "Merged exposures"),
     ("lut", "Diffraction table"),
@@ -32,7 +32,7 @@ const RESULTS: [(&str, &str); 10] = [
     ("render", "Rendering"),
 ];
 
-/// Another name.
+/// A new name.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewName {
@@ -47,10 +47,10 @@ impl NewName {
     }
 }
 
-/// A name of a request as it is stored; empty where none is given.
+/// Checks the name in a request; empty where none is given.
 ///
 /// # Errors
-/// `bad-request` for one that is too long or holds control characters.
+/// `bad-request` for a name that is too long or contains control characters.
 pub fn asked(name: Option<String>) -> Answer<String> {
     name.map_or_else(|| Ok(String::new()), |name| NewName { name }.checked())
 }
@@ -84,7 +84,7 @@ pub async fn upload(
     Ok(Json(app.stored_upload(id).await?))
 }
 
-/// Names a reconstruction or rendering. Results of a session are called as the session.
+/// Names a reconstruction or rendering. Results of a session have the session's name.
 #[utoipa::path(patch, path = "/api/v1/reconstructions/{id}", tag = "reconstructions", operation_id = "name_reconstruction",
     request_body = NewName, params(("id" = String, Path)),
     responses((status = 200, body = Reconstruction), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -107,7 +107,7 @@ pub async fn reconstruction(
 }
 
 impl App {
-    /// The name of a job: as given, else its result and the name of its input.
+    /// Name of a job: as given, or else its result and the name of its input.
     pub fn name_of(&self, spec: &Spec) -> String {
         if !spec.name.is_empty() {
             return spec.name.clone();
@@ -120,7 +120,7 @@ impl App {
         result_of(spec.operation, &folder.map(|folder| of_input(&folder)).unwrap_or_default())
     }
 
-    /// The name of a job, or of a session with its own results, by its id; empty where there is none.
+    /// Name of a job, or of a session with its own results, by id; empty if there is none.
     pub async fn name_of_result(&self, id: &str) -> Answer<String> {
         let folder = self.session_folder(id)?;
         match SessionFile::read(&folder) {
@@ -130,14 +130,14 @@ impl App {
     }
 }
 
-/// The name of an operation's result, given that of its input.
+/// Name of an operation's result, from the name of its input.
 pub fn result_of(method: Method, input: &str) -> String {
     let known = RESULTS.iter().find(|(operation, _)| method.is(operation));
     let result = known.map_or_else(|| capitalised(method.name()), |(_, result)| (*result).to_owned());
     if input.is_empty() { result } else { shortened(&format!("{result} of {input}")) }
 }
 
-/// The name of a session or upload by its folder; empty where that is gone.
+/// Name of a session or upload by its folder; empty if the folder is gone.
 fn of_input(folder: &Path) -> String {
     match SessionFile::read(folder) {
         Ok(session) => of_session(folder, &session.plan),
@@ -145,7 +145,7 @@ fn of_input(folder: &Path) -> String {
     }
 }
 
-/// The name of an upload: as given, else that of its scene, else what the names of its files begin with.
+/// Name of an upload: as given, or that of its scene, or the common beginning of its file names.
 pub fn of_upload(folder: &Path) -> String {
     given(folder).unwrap_or_else(|| {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -172,7 +172,7 @@ fn of_files(names: &[String]) -> String {
     shortened(&name)
 }
 
-/// The words that all texts begin with, without numbers at their end; empty where there are none.
+/// Words that all texts begin with, without numbers at the end; empty if there are none.
 fn beginning(texts: &[String]) -> &str {
     let Some(first) = texts.first() else { return "" };
     let common = |other: &String| {
@@ -181,7 +181,7 @@ fn beginning(texts: &[String]) -> &str {
     };
     let length = texts.iter().map(common).min().unwrap_or(0);
     let mut shared = &first[..length];
-    // A word that goes on differently is no common one.
+    // A word that continues differently is not common.
     if texts.iter().any(|text| text[length..].starts_with(char::is_alphabetic)) {
         shared = shared.trim_end_matches(char::is_alphabetic);
     }

@@ -1,4 +1,5 @@
-//! `/api/v1/operations`: what the registry offers, and one path for each operation, whose body is described by the operation's own schema.
+//! `/api/v1/operations`: the operations of the registry. Each has its own path, whose body is described by the
+//! operation's schema.
 
 use super::keys::Keyed;
 use super::problem::{Answer, Problem};
@@ -27,13 +28,13 @@ pub struct Order {
     /// Name of the result, at most 200 characters. Default: derived from the operation and the name of its input.
     #[schema(max_length = 200)]
     name: Option<String>,
-    /// A session.
+    /// Id of a session.
     session: Option<String>,
-    /// Or an upload.
+    /// Or the id of an upload.
     upload: Option<String>,
-    /// Of `lut`: an upload with photographs of the mirror image of an extended light.
+    /// For `lut`: an upload with photographs of the mirror image of an extended light.
     light: Option<LightUpload>,
-    /// Options; those that are left out have their defaults. Options that name files take names of files in the upload.
+    /// Options by key; keys left out have their defaults. Options that name files take names of files in the upload.
     #[schema(value_type = Object)]
     #[serde(default)]
     options: Map<String, Value>,
@@ -42,9 +43,9 @@ pub struct Order {
 /// An operation of the registry.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Offered {
-    /// Its name, in paths, plans and jobs.
+    /// Name in paths, plans and jobs.
     name: &'static str,
-    /// Its result in one line.
+    /// Its result, in one line.
     title: &'static str,
     /// JSON Schema of its options.
     #[schema(value_type = Object)]
@@ -54,7 +55,7 @@ pub struct Offered {
     report: Value,
 }
 
-/// All operations, with the JSON Schema of their options.
+/// Lists all operations, with the JSON Schemas of their options and reports.
 #[utoipa::path(get, path = "/api/v1/operations", tag = "operations", operation_id = "operations",
     responses((status = 200, body = Vec<Offered>)))]
 pub async fn list() -> Json<Vec<Offered>> {
@@ -67,7 +68,7 @@ pub async fn list() -> Json<Vec<Offered>> {
     Json(OPERATIONS.iter().map(offered).collect())
 }
 
-/// Runs an operation. The answer names a reconstruction, which is asked for its state and its results.
+/// Runs an operation. The answer names a reconstruction, from which state and results are read.
 #[utoipa::path(post, path = "/api/v1/operations/{name}", tag = "operations", operation_id = "run",
     request_body = Order, params(("name" = String, Path),
         ("Idempotency-Key" = Option<String>, Header, description = "Ask once only", min_length = 1, max_length = 200)),
@@ -95,7 +96,8 @@ fn report_of(operation: &dyn Registered) -> Value {
     schema
 }
 
-/// In an OpenAPI document, replaces the path of all operations by one for each, and adds the schemas of their options.
+/// Replaces the common path of all operations in an OpenAPI document by one path each, and adds the schemas of their
+/// options.
 pub fn describe(document: &mut Value) {
     let settings = SchemaSettings::draft2020_12().with(|s| s.definitions_path = "/components/schemas".into());
     let mut reports = settings.clone().for_serialize().into_generator();
@@ -114,7 +116,7 @@ pub fn describe(document: &mut Value) {
         let report =
             report.get("$ref").and_then(Value::as_str).and_then(|name| name.rsplit('/').next()).unwrap_or_default();
         post["responses"]["202"]["description"] = json!(format!("Its report will be a `{report}`"));
-        // A named schema, since client generators ignore properties beside a reference.
+        // Schemas are named, since client generators ignore properties beside a reference.
         let named = options.get("$ref").and_then(Value::as_str).unwrap_or_default().replace("Options", "Order");
         let mut order = document["components"]["schemas"]["Order"].clone();
         order["properties"]["options"] = options.to_value();
@@ -135,8 +137,8 @@ pub fn describe(document: &mut Value) {
     schemas.extend(told_apart(reports.take_definitions(true), schemas));
 }
 
-/// Definitions of reports. Those that differ from a known schema of the same name get a name of their own: options that a report repeats have
-/// all their keys there.
+/// Definitions of reports. A definition that differs from a known schema of the same name is renamed: options in a
+/// report have all their keys.
 fn told_apart(reports: Map<String, Value>, known: &Map<String, Value>) -> Map<String, Value> {
     let differ = |name: &&String| known.get(*name).is_some_and(|schema| *schema != reports[*name]);
     let names: Vec<&String> = reports.keys().filter(differ).collect();

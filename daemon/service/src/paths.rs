@@ -1,19 +1,19 @@
-//! Texts without the folders of this machine, which are nobody's business.
+//! Removes the folders of this machine from texts for clients.
 
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// The data folder as it stands in texts. Its name may hold blanks, so that it has to be known to be found.
+/// Data folder as it appears in texts. Its name may contain blanks, so a search needs the exact name.
 static DATA: OnceLock<String> = OnceLock::new();
 
-/// Says where the data folder is; the first call counts.
+/// Sets the data folder; later calls have no effect.
 pub fn set_data_folder(folder: &Path) {
     let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.into());
     let _ = DATA.set(format!("{}/", whole.display()));
 }
 
-/// Leaves out the folders of absolute paths: of `/home/anna/data/a.png` stays `a.png`, of files in the data folder their path in
-/// it. Paths of the service (`/api/…`) and devices (`/dev/…`) stay.
+/// Removes the folders of absolute paths: `/home/anna/data/a.png` becomes `a.png`, and files in the data folder keep
+/// their path in it. Paths of the service (`/api/…`) and devices (`/dev/…`) are kept.
 pub fn without_folders(text: &str) -> String {
     let text = match DATA.get() {
         Some(data) => text.replace(data.as_str(), ""),
@@ -33,10 +33,10 @@ pub fn without_folders(text: &str) -> String {
     shown
 }
 
-/// Bytes of the absolute path that a text begins with; 0 for what is no path of a file.
+/// Length in bytes of the absolute file path at the start of a text; 0 if there is none.
 fn path_length(text: &str) -> usize {
     let end = text.find(|c: char| c.is_whitespace() || "\"'`)]}>,;".contains(c)).unwrap_or(text.len());
-    // `https://…` is no path, and `/display` names a page.
+    // `https://…` is not a path, and `/display` names a page.
     let path = text[..end].trim_end_matches([':', '.', '/']);
     let ours = ["//", "/api/", "/dev/"].iter().any(|start| path.starts_with(start));
     if ours || path.matches('/').count() < 2 { 0 } else { path.len() }

@@ -1,4 +1,4 @@
-//! `/api/v1/plans`.
+//! `/api/v1/plans`: checks and estimates of plans.
 
 use super::problem::{Answer, Problem};
 use super::{App, Body};
@@ -20,56 +20,57 @@ use utoipa::ToSchema;
     "analyser": { "angles_deg": [0, 60, 120] }, "reconstruct": { "operation": "polarization" }
 } }))]
 pub struct PlanBody {
-    /// The plan; its JSON Schema is at `/api/v1/plans/schema`.
+    /// The plan as JSON; its JSON Schema is at `/api/v1/plans/schema`.
     #[schema(value_type = Option<Object>)]
     plan: Option<serde_json::Value>,
     /// The plan as TOML.
     toml: Option<String>,
 }
 
-/// Whether a plan makes sense on the bench.
+/// Result of checking a plan against the bench.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Checked {
-    /// Nothing is wrong with it.
+    /// Whether the plan has no problems.
     sound: bool,
-    /// Frames that it takes, at most.
+    /// Most frames that it stores.
     frames: usize,
-    /// Frames that it takes in any case; fewer for a series that ends by its σ.
+    /// Fewest frames that it stores. Less than `frames` for a series that stops at a σ.
     least_frames: usize,
-    /// What it asks too much.
+    /// Limits of the bench that it exceeds.
     problems: Vec<String>,
-    /// The plan as JSON, however it came.
+    /// The plan as JSON, also if it was sent as TOML.
     #[schema(value_type = Object)]
     plan: Plan,
 }
 
-/// Time and disk that a session needs.
+/// Time and disk space of a session.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Estimated {
-    /// Frames stored.
+    /// Frames that are stored.
     frames: usize,
     /// Time in seconds until the last frame, metering included.
     seconds: f64,
-    /// Of which metering.
+    /// Time of metering in seconds, contained in `seconds`.
     metering_seconds: f64,
-    /// Time in seconds until the results are there after that, if the plan asks for any.
+    /// Time in seconds from the last frame until the results are complete, if the plan asks for results.
     results_seconds: Option<f64>,
     /// Size of the results in bytes.
     results_bytes: Option<u64>,
     /// Exposure time in seconds.
     exposure_s: f64,
-    /// The exposure will be metered; the preview's was assumed.
+    /// Whether the exposure time is assumed to be the preview's, since the session will meter.
     exposure_assumed: bool,
-    /// Largest size of the frames in bytes.
+    /// Largest total size of the frames in bytes.
     bytes: u64,
-    /// Frames stored in any case: for a series that ends by its σ, where everything above is the most.
+    /// Fewest frames that are stored: a series that stops at a σ may end early. All other values assume the longest
+    /// series.
     least_frames: usize,
-    /// Time in seconds for these.
+    /// Time in seconds until the last of `least_frames`.
     least_seconds: f64,
 }
 
 impl PlanBody {
-    /// The plan, checked in itself.
+    /// The plan, checked without the bench.
     ///
     /// # Errors
     /// `bad-request`, naming the key.
@@ -109,7 +110,7 @@ pub async fn check(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> A
     }))
 }
 
-/// Says how long a session takes and how much disk it needs.
+/// Estimates the time and disk space of a session.
 #[utoipa::path(post, path = "/api/v1/plans/estimate", tag = "plans", operation_id = "estimate_plan",
     request_body = PlanBody,
     responses((status = 200, body = Estimated), (status = 400, body = Problem), (status = 409, body = Problem)))]
@@ -118,7 +119,7 @@ pub async fn estimate(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -
     let metered = plan.is_metered();
     let assumed = match plan.camera.exposure_ms {
         Some(ms) => Duration::from_secs_f64(ms / 1000.0),
-        // While a session runs the preview's setting is as good as any.
+        // The preview's exposure cannot be read while a session runs; a typical value is used.
         None if metered => app.bench.work(|owner| Ok(owner.settings.0)).await.unwrap_or(Duration::from_millis(40)),
         None => Duration::from_millis(10),
     };

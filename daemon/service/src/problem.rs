@@ -15,19 +15,19 @@ use std::io::{self, ErrorKind};
 use std::path::Path;
 use utoipa::ToSchema;
 
-/// What went wrong, for a program and for a person.
+/// An error, for programs and for people.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Problem {
-    /// Stable name of the kind of problem, as a URI.
+    /// Stable URI of the kind of problem.
     #[serde(rename = "type")]
     kind: String,
-    /// The kind in words.
+    /// Kind of problem in words.
     title: &'static str,
     /// HTTP status.
     status: u16,
-    /// What exactly went wrong.
+    /// Cause of this problem.
     detail: String,
-    /// What to do about it.
+    /// Action that solves it.
     #[serde(skip_serializing_if = "Option::is_none")]
     remedy: Option<String>,
 }
@@ -37,33 +37,33 @@ pub struct Problem {
 pub enum Kind {
     /// Something in the request cannot be used.
     BadRequest,
-    /// There is no such thing.
+    /// The resource does not exist.
     NotFound,
-    /// It does not fit the state.
+    /// The state does not allow the request.
     Conflict,
-    /// Somebody else has the devices.
+    /// Another client or session has the devices.
     Busy,
-    /// The request is larger than what is taken.
+    /// The request exceeds the size limit.
     TooLarge,
-    /// The request comes too slowly.
+    /// The request arrives too slowly.
     Slow,
-    /// More at once than what is served.
+    /// Too many simultaneous requests or event streams.
     TooMany,
-    /// No or no valid token.
+    /// The token is missing or invalid.
     Unauthorized,
-    /// The token's role does not allow it, or the request comes from elsewhere.
+    /// The token's role does not allow it, or the request comes from another origin.
     Forbidden,
-    /// A device did not do what it was asked to.
+    /// A device failed to execute a command.
     Device,
-    /// The method is not meant for this path.
+    /// The path does not support the HTTP method.
     Method,
     /// The idempotency key was used for another request.
     ReusedKey,
     /// The disk of the data folder is full.
     Full,
-    /// The system does not allow it now.
+    /// The operating system refuses for the moment.
     Unavailable,
-    /// Our own fault, or the disk's.
+    /// An error of the service or the disk.
     Internal,
 }
 
@@ -94,7 +94,7 @@ impl Kind {
 /// Longest detail in characters.
 const LONGEST: usize = 4000;
 
-/// Remedies for what the system refuses.
+/// Remedies for errors of the operating system.
 const FREE: &str = "delete sessions, reconstructions or uploads, or free space on that disk, then try again";
 const WRITABLE: &str = "mount it for writing, or name another data folder in the configuration of the service";
 const FEWER: &str = "try again later, or raise the limit of open files of the service (ulimit -n)";
@@ -107,12 +107,12 @@ impl Problem {
     pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
         let (status, slug, title) = kind.parts();
         let kind = format!("https://nacre.invalid/problems/{slug}");
-        // It may quote a whole request.
+        // The detail may quote a whole request.
         let detail = without_folders(&detail.into()).chars().take(LONGEST).collect();
         Self { kind, title, status: status.as_u16(), detail, remedy: None }
     }
 
-    /// The system refused something: `subject` is the part of the request that failed.
+    /// Problem of an operating system error: `subject` is the part of the request that failed.
     pub fn refused(subject: impl std::fmt::Display, error: &io::Error) -> Self {
         let (kind, why, remedy) = match error.kind() {
             ErrorKind::StorageFull | ErrorKind::QuotaExceeded => (Kind::Full, "the disk of the service is full", FREE),
@@ -126,34 +126,35 @@ impl Problem {
         Self::new(kind, format!("{subject}: {why}")).remedy(remedy)
     }
 
-    /// The disk of the data folder is full.
+    /// Problem of a full disk of the data folder.
     pub fn full() -> Self {
         Self::new(Kind::Full, "the disk of the service is full").remedy(FREE)
     }
 
-    /// Says what to do.
+    /// Adds a remedy.
     pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
         self.remedy = Some(without_folders(&remedy.into()));
         self
     }
 
-    /// With this as its detail, which may end with the remedy: of a command line, to whose user the machine's folders belong.
+    /// Replaces the detail by `text`, which may end with the remedy. For the command line, whose user may see the
+    /// machine's folders.
     pub fn in_full(self, text: &str) -> Self {
         let remedy = self.remedy.as_ref().and_then(|remedy| text.strip_suffix(remedy.as_str())?.strip_suffix("; "));
         Self { detail: remedy.unwrap_or(text).to_owned(), ..self }
     }
 
-    /// There is no such thing.
+    /// Problem of a resource that does not exist.
     pub fn not_found(what: impl std::fmt::Display) -> Self {
         Self::new(Kind::NotFound, format!("there is no {what}"))
     }
 
-    /// Something in the request.
+    /// Problem of a request that cannot be used.
     pub fn bad(detail: impl Into<String>) -> Self {
         Self::new(Kind::BadRequest, detail)
     }
 
-    /// What exactly went wrong.
+    /// Cause of the problem.
     pub fn detail(&self) -> &str {
         &self.detail
     }
@@ -165,7 +166,7 @@ impl IntoResponse for Problem {
         let body = serde_json::to_string(&self).unwrap_or_default();
         let mut response = (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
         if matches!(status, StatusCode::TOO_MANY_REQUESTS | StatusCode::REQUEST_TIMEOUT) {
-            // A connection that is kept takes memory too.
+            // A connection that is kept open takes memory too.
             response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
         }
         response
@@ -179,7 +180,7 @@ impl std::fmt::Display for Problem {
     }
 }
 
-/// The folder of a file belongs to the machine, not to whoever asks.
+/// Name of a file without its folder, which clients must not see.
 fn file_name(path: &Path) -> std::borrow::Cow<'_, str> {
     match path.file_name() {
         Some(name) if path.is_absolute() => name.to_string_lossy(),
@@ -190,7 +191,7 @@ fn file_name(path: &Path) -> std::borrow::Cow<'_, str> {
 impl From<Error> for Problem {
     fn from(error: Error) -> Self {
         match error {
-            // Readers of files pass the system's answer on as text.
+            // Readers of files pass on the system's error as text.
             Error::Input { subject, problem, .. } if problem.contains("(os error 24)") => {
                 let subject = file_name(Path::new(&subject)).into_owned();
                 Self::new(Kind::Unavailable, format!("{subject}: too many files are open")).remedy(FEWER)

@@ -11,67 +11,70 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
 
-/// What to reconstruct.
+/// Input, operation and options of a reconstruction.
 #[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Name of the reconstruction, at most 200 characters. Default: its result and the name of its input.
     #[schema(max_length = 200)]
     name: Option<String>,
-    /// A session.
+    /// Id of a session.
     pub session: Option<String>,
-    /// Or uploaded photographs.
+    /// Or the id of an upload.
     pub upload: Option<String>,
-    /// Of `lut`: photographs of the mirror image of a light that is no point, uploaded by themselves; the table is spread with it.
+    /// For `lut`: an upload with photographs of the mirror image of an extended source, with which the table is
+    /// convolved.
     pub light: Option<LightUpload>,
     /// Name of an operation (default: polarization); `/api/v1/operations` lists them.
     #[schema(value_type = Option<String>, example = "polarization")]
     pub method: Option<Method>,
-    /// Options of the operation; those that are left out have their defaults. `/api/v1/operations` has their schemas. What follows are options of
-    /// polarization, which may also stand here.
+    /// Options of the operation by key; keys left out have their defaults. `/api/v1/operations` has their schemas.
+    /// Options of polarization may also stand here, beside `operation`:
     #[schema(value_type = Option<Object>)]
     options: Option<Map<String, Value>>,
-    /// `plain` (Stokes, angle and degree of linear polarization), or a model of gratings: `auto`, `sinusoid`, `prenormalized`, `circle` or
-    /// `curve`. Default: `auto` for sessions, `plain` for uploads.
+    /// `plain` (Stokes parameters, angle and degree of linear polarization), or a grating model: `auto`, `sinusoid`,
+    /// `prenormalized`, `circle` or `curve`. Default: `auto` for sessions, `plain` for uploads.
     model: Option<String>,
-    /// Whether what oblique incidence does to polarization is taken out: `off` (the default), or `auto`, where the photographs say
-    /// where the camera stood and the points are likelier then.
+    /// Correction of oblique incidence: `off` (the default) or `auto`. `auto` corrects if the camera geometry is known
+    /// and the corrected points are more likely.
     #[schema(value_type = Option<String>, example = "off")]
     oblique: Option<Oblique>,
-    /// Whether photographs that are shifted against each other are moved back: `auto`, where that is worth it (the default of models of
-    /// gratings), or `off` (the default of the model plain).
+    /// Registration of the photographs: `auto` aligns them if a shift is significant (default of grating models),
+    /// `off` never does (default of `plain`).
     #[schema(value_type = Option<String>, example = "auto")]
     align: Option<Align>,
-    /// Maps of a monochrome polarization sensor in full size: how images behind each polarizer are interpolated, `bilinear` or `edge-aware`
-    /// (model plain). Default: `none`, one pixel per super-pixel.
+    /// Demosaicking of a monochrome polarization sensor to full resolution, for the model `plain`: `bilinear` or
+    /// `edge-aware`. Default: `none`, one pixel per super-pixel.
     #[schema(value_type = Option<String>, example = "none")]
     demosaic: Option<Demosaic>,
-    /// Added to every orientation.
+    /// Offset in degrees that is added to all orientations.
     offset_deg: Option<f64>,
-    /// Smoothing of orientations in pictures and in the map `smoothed`: `none`, `light` (default), `strong` or a number of rounds.
+    /// Smoothing of orientations in pictures and in the map `smoothed`: `none`, `light` (default), `strong` or a
+    /// number of iterations.
     #[schema(value_type = Option<String>, example = "light")]
     smooth: Option<Smoothing>,
-    /// Smooth the map itself and its σ as well.
+    /// Smooth the orientation map and its σ as well (default: false).
     smooth_maps: Option<bool>,
-    /// Also make the map `smoothed`: the smoothed orientations at full size (default: false).
+    /// Also write the map `smoothed`: the smoothed orientations at full resolution (default: false).
     smoothed_exr: Option<bool>,
-    /// Makes a map of periods: `{"from": "brightness", "range_um": [0.7, 2.0]}` (heuristic), or `{"from": "contrast",
-    /// "range_um": [1.2, 3.0], "depth_um": 0.1, "metal": "aluminium", "index_above": 1, "wavelength_nm": 560}` (for an assumed
-    /// surface; the last three can be left out).
+    /// Map of periods. `{"from": "brightness", "range_um": [0.7, 2.0]}` is heuristic. `{"from": "contrast",
+    /// "range_um": [1.2, 3.0], "depth_um": 0.1, "metal": "aluminium", "index_above": 1, "wavelength_nm": 560}` assumes
+    /// a surface; the last three keys are optional.
     #[schema(value_type = Option<Object>)]
     period: Option<PeriodMethod>,
-    /// Colours of angles in pictures: `cyclic` (the default) or `hsv`. Of `spots`, `flash` and `map` it is one of the options.
+    /// Colour map of angles in pictures: `cyclic` (the default) or `hsv`. For `spots`, `flash` and `map` it is one of
+    /// the options.
     #[schema(value_type = Option<String>, example = "cyclic")]
     palette: Option<Palette>,
-    /// Leave the scale bar out of pictures (default: false). They have one where the pixel size on the sample is known.
+    /// Omit the scale bar in pictures (default: false). Pictures have one if the pixel size on the sample is known.
     no_scale_bar: Option<bool>,
 }
 
 impl Request {
-    /// The job that it asks for, still without a name.
+    /// The job of this request, still without a name.
     ///
     /// # Errors
-    /// `bad-request` where it names no input, two of them, or something that is no id.
+    /// `bad-request` if it names no input or two of them, or an invalid id.
     pub fn spec(self) -> Answer<Spec> {
         let (given, operation) = (self.beside(), self.method.unwrap_or_default());
         check_input(operation, [self.session.as_ref(), self.upload.as_ref()], self.light.as_ref())?;
@@ -95,7 +98,7 @@ impl Request {
         })
     }
 
-    /// Options of polarization that stand beside the method.
+    /// Options of polarization that stand beside `operation`.
     fn beside(&self) -> Map<String, Value> {
         let mut all = match serde_json::to_value(self) {
             Ok(Value::Object(all)) => all,
@@ -108,7 +111,7 @@ impl Request {
     }
 }
 
-/// Refuses a request that names no input or two, and texts that are not ids.
+/// Refuses requests with no input or two, and invalid ids.
 ///
 /// # Errors
 /// `bad-request`.

@@ -1,4 +1,4 @@
-//! `/api/v1/reconstructions`: jobs, and what they found.
+//! `/api/v1/reconstructions`: jobs and their results.
 
 use super::keys::{Key, Keyed};
 use super::naming::result_of;
@@ -24,12 +24,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
 
-/// Time, memory and disk of a reconstruction.
+/// Time, memory and disk space of a reconstruction.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Needs {
-    /// Time in seconds, once it begins.
+    /// Time in seconds from its start.
     seconds: f64,
-    /// Bound of the memory at a time, that of the program included, in bytes; an estimate for calibrations, height fields and renderings.
+    /// Upper bound of its memory in bytes, the program included. For calibrations, height fields and renderings it is
+    /// an estimate.
     memory_bytes: u64,
     /// Size of its results in bytes.
     disk_bytes: u64,
@@ -39,33 +40,34 @@ pub struct Needs {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Reconstruction {
     id: String,
-    /// As given, else its result and the name of its input.
+    /// As given, or else its result and the name of its input.
     name: String,
     session: Option<String>,
     upload: Option<String>,
-    /// The photographs of its light, where there are any.
+    /// Photographs of its light, if any.
     light: Option<LightUpload>,
     #[schema(value_type = String)]
     method: Method,
-    /// Its options; those that are left out have their defaults.
+    /// Its options; keys left out have their defaults.
     #[schema(value_type = Object)]
     options: serde_json::Map<String, serde_json::Value>,
     /// `queued`, `running`, `done`, `failed`, `cancelled` or `set_aside`.
     #[schema(value_type = String)]
     state: JobState,
     attempts: u32,
-    /// 0 to 1.
+    /// Fraction done of the current stage, 0 to 1.
     progress: f64,
     stage: String,
-    /// Seconds that are left, while it runs.
+    /// Remaining time in seconds while it runs.
     remaining_s: Option<f64>,
-    /// Of a rendering under way: `{"passes": 12, "of": 40, "noise": 0.02, "seconds_left": 31.5}`; noise is null after one pass.
+    /// Rendering under way: `{"passes": 12, "of": 40, "noise": 0.02, "seconds_left": 31.5}`. `noise` is null after one
+    /// pass.
     #[schema(value_type = Option<Object>)]
     so_far: Option<SoFar>,
     error: Option<String>,
-    /// When it was asked for, in Unix seconds.
+    /// Time of the request in Unix seconds.
     created: u64,
-    /// What was found: the contents of report.json.
+    /// Contents of report.json.
     #[schema(value_type = Option<Object>)]
     report: Option<serde_json::Value>,
 }
@@ -77,7 +79,7 @@ pub struct ReconstructionPage {
     next: Option<String>,
 }
 
-/// Which page.
+/// Page of a list.
 #[derive(Debug, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
@@ -85,21 +87,21 @@ pub struct PageQuery {
     /// Most items in the page.
     #[param(minimum = 1, maximum = 1000)]
     limit: Option<u32>,
-    /// The `next` of the page before.
+    /// Value of `next` in the previous page.
     #[param(pattern = "^[0-9A-Z]{26}$")]
     cursor: Option<String>,
 }
 
-/// Where a reconstruction's results and photographs are.
+/// Folders of a reconstruction.
 pub struct Place {
-    /// The maps.
+    /// Folder of the maps.
     pub results: PathBuf,
-    /// The photographs.
+    /// Folder of the photographs.
     pub input: PathBuf,
 }
 
 impl App {
-    /// A job.
+    /// A job by its id.
     ///
     /// # Errors
     /// `not-found` when there is none.
@@ -108,7 +110,7 @@ impl App {
         self.jobs()?.get(id).await?.ok_or_else(|| self.missing("reconstruction", id))
     }
 
-    /// Of a job, or of a session with its own results.
+    /// Folders of a job, or of a session with its own results.
     ///
     /// # Errors
     /// `not-found` when there is none.
@@ -135,13 +137,13 @@ impl App {
         match (&spec.session, &spec.upload) {
             (Some(id), _) => self.session_folder(id),
             (None, Some(id)) => Ok(self.upload_folder(id)?),
-            // What is calibrated without photographs has its results alone.
+            // A calibration without photographs has only its results.
             _ if spec.operation.operation().input() == Input::FilesOrNothing => Ok(self.result_folder(&spec.id)),
             _ => Err(Problem::not_found("input")),
         }
     }
 
-    /// A job as it is shown.
+    /// Description of a job for clients.
     pub fn describe(&self, job: Job, with_report: bool) -> Reconstruction {
         let folder = self.result_folder(&job.id);
         let so_far = if job.state == JobState::Running { self.renders.of(&job.id).map(|g| g.so_far) } else { None };
@@ -166,14 +168,14 @@ impl App {
         }
     }
 
-    /// Checks a job, and estimates it.
+    /// Checks a job, and estimates its time, memory and disk.
     async fn work_of(&self, spec: &Spec) -> Answer<Work> {
         self.input_of(spec)?;
         let (asked, data) = (spec.clone(), self.config.data.clone());
         self.heavy.work(move || methods::check(&asked, &data)).await
     }
 
-    /// A session's own results as a reconstruction.
+    /// A session's own results as a reconstruction; `None` if it has none.
     fn own_results(&self, id: &str) -> Answer<Option<Reconstruction>> {
         let folder = self.session_folder(id)?;
         let Ok(bytes) = files::report(&folder.join("results")) else { return Ok(None) };
@@ -201,12 +203,12 @@ impl App {
     }
 }
 
-/// A report as it is shown: files that it names are without their folders.
+/// A report for clients: files without their folders.
 fn told(report: &[u8]) -> Option<serde_json::Value> {
     serde_json::from_str(&without_folders(std::str::from_utf8(report).ok()?)).ok()
 }
 
-/// Asks for a reconstruction.
+/// Queues a reconstruction.
 #[utoipa::path(post, path = "/api/v1/reconstructions", tag = "reconstructions", operation_id = "reconstruct",
     request_body = Request, params(("Idempotency-Key" = Option<String>, Header, description = "Ask once only", min_length = 1, max_length = 200)),
     responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
@@ -215,10 +217,10 @@ pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<Reque
     submit(&app, body.spec()?, key).await
 }
 
-/// Puts a job into the queue, once for each key.
+/// Puts a job into the queue, once per idempotency key.
 ///
 /// # Errors
-/// As its operation refuses it.
+/// Those of the operation's check.
 pub async fn submit(app: &Arc<App>, mut spec: Spec, key: Option<Key>) -> Answer<Response> {
     let mut turn = app.keys.turn(key).await;
     if let Some(id) = turn.made()
@@ -227,7 +229,7 @@ pub async fn submit(app: &Arc<App>, mut spec: Spec, key: Option<Key>) -> Answer<
         turn.same()?;
         return Ok(accepted(app.describe(job, false)));
     }
-    // Refused here rather than by the job, so that whoever asks learns it at once.
+    // Checked here as well as in the job, so that the client learns it at once.
     app.work_of(&spec).await?;
     spec.id = turn.begin();
     spec.name = app.name_of(&spec);
@@ -235,7 +237,7 @@ pub async fn submit(app: &Arc<App>, mut spec: Spec, key: Option<Key>) -> Answer<
     Ok(accepted(app.describe(job, false)))
 }
 
-/// Estimates time, memory and disk of a reconstruction, without making it.
+/// Estimates time, memory and disk space of a reconstruction.
 #[utoipa::path(post, path = "/api/v1/reconstructions/estimate", tag = "reconstructions", operation_id = "estimate_reconstruction",
     request_body = Request, responses((status = 200, body = Needs), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 422, body = Problem)))]
@@ -251,7 +253,7 @@ fn accepted(doc: Reconstruction) -> Response {
     (StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(doc)).into_response()
 }
 
-/// Reconstructions, newest first.
+/// Lists reconstructions, newest first.
 #[utoipa::path(get, path = "/api/v1/reconstructions", tag = "reconstructions", operation_id = "reconstructions",
     params(PageQuery), responses((status = 200, body = ReconstructionPage), (status = 400, body = Problem)))]
 pub async fn list(State(app): State<Arc<App>>, Params(query): Params<PageQuery>) -> Answer<Json<ReconstructionPage>> {
@@ -266,7 +268,7 @@ pub async fn list(State(app): State<Arc<App>>, Params(query): Params<PageQuery>)
     Ok(Json(ReconstructionPage { items: jobs.into_iter().map(|j| app.describe(j, false)).collect(), next }))
 }
 
-/// A reconstruction, or a session's own results by the session's id.
+/// Reads a reconstruction, or a session's own results by the session's id.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}", tag = "reconstructions", operation_id = "reconstruction",
     params(("id" = String, Path)), responses((status = 200, body = Reconstruction), (status = 404, body = Problem)))]
 pub async fn get(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Reconstruction>> {
@@ -278,7 +280,7 @@ pub async fn get(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json
     Ok(Json(app.describe(job, true)))
 }
 
-/// Cancels a reconstruction that is not done.
+/// Cancels a reconstruction that has not ended.
 #[utoipa::path(post, path = "/api/v1/reconstructions/{id}/cancel", tag = "reconstructions",
     operation_id = "cancel_reconstruction", params(("id" = String, Path)),
     responses((status = 202, body = Reconstruction), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -291,7 +293,7 @@ pub async fn cancel(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<R
     Ok(accepted(app.describe(app.job(&id).await?, false)))
 }
 
-/// Tries a reconstruction again that did not succeed.
+/// Repeats a reconstruction that did not succeed.
 #[utoipa::path(post, path = "/api/v1/reconstructions/{id}/retry", tag = "reconstructions",
     operation_id = "retry_reconstruction", params(("id" = String, Path)),
     responses((status = 202, body = Reconstruction), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -304,7 +306,7 @@ pub async fn retry(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Re
     Ok(accepted(app.describe(app.job(&id).await?, false)))
 }
 
-/// What happened to a reconstruction, line by line.
+/// Reads the log of a reconstruction, one event per line.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/log", tag = "reconstructions",
     operation_id = "reconstruction_log", params(("id" = String, Path)),
     responses((status = 200, content_type = "text/plain", body = String), (status = 404, body = Problem)))]
@@ -313,7 +315,7 @@ pub async fn log(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Stri
     Ok(app.jobs()?.log(&id).await?.as_deref().map(|log| without_folders(&fields(log))).unwrap_or_default())
 }
 
-/// States of a reconstruction, as server-sent events: `state`.
+/// Streams the states of a reconstruction as server-sent events `state`.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/events", tag = "reconstructions",
     operation_id = "reconstruction_events", params(("id" = String, Path)),
     responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),
@@ -332,7 +334,7 @@ pub async fn job_events(State(app): State<Arc<App>>, At(id): At<String>, headers
     let weak = Arc::downgrade(&log);
     drop(log);
     tokio::spawn(async move {
-        // Ends with the job, or when nobody listens any more.
+        // Ends with the job, or when the last subscriber has gone.
         while let Some(log) = weak.upgrade() {
             let over = !matches!(job.state, JobState::Queued | JobState::Running);
             log.push("state", &app.describe(job.clone(), false));

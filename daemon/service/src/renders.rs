@@ -1,4 +1,4 @@
-//! The picture of a rendering: `/api/v1/reconstructions/{id}/picture.png`, while it is made and afterwards.
+//! Pictures of renderings, under way and complete: `/api/v1/reconstructions/{id}/picture.png`.
 
 use super::problem::{Answer, Kind, Problem};
 use super::{App, At, Params, files, png};
@@ -11,21 +11,21 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use utoipa::IntoParams;
 
-/// Most pixels of a picture that is exposed anew for whoever asks.
+/// Most pixels of a picture that is re-exposed for a request.
 const MOST_PIXELS: usize = 4 << 20;
 
-/// Longest side of such a picture.
+/// Longest side of such a picture in pixels.
 const SIDE: usize = 1024;
 
-/// A picture while it is rendered.
+/// An intermediate picture of a rendering.
 pub struct Glimpse {
     /// The picture, as a PNG.
     pub png: Vec<u8>,
-    /// How far it is.
+    /// Progress of the rendering.
     pub so_far: SoFar,
 }
 
-/// What there is to see of the rendering under way. Jobs are done one at a time, so that one picture is kept.
+/// The newest picture of the rendering under way. Jobs run one at a time, so one picture is kept.
 #[derive(Default)]
 pub struct Renders(Mutex<Option<(String, Arc<Glimpse>)>>);
 
@@ -34,33 +34,33 @@ impl Renders {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps what a job shows, instead of what was before.
+    /// Replaces the picture by a newer one of this job.
     pub fn show(&self, id: &str, glimpse: Glimpse) {
         *self.locked() = Some((id.into(), Arc::new(glimpse)));
     }
 
-    /// Nothing is being rendered any more.
+    /// Drops the picture: no rendering is under way.
     pub fn clear(&self) {
         *self.locked() = None;
     }
 
-    /// What a job shows.
+    /// The picture of a job, if that job is being rendered.
     pub fn of(&self, id: &str) -> Option<Arc<Glimpse>> {
         self.locked().as_ref().filter(|shown| shown.0 == id).map(|shown| shown.1.clone())
     }
 }
 
-/// How to look at a picture.
+/// Exposure of a picture.
 #[derive(Debug, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Look {
-    /// Brighter than its own exposure by so many stops, at most 1024 pixels wide; for pictures that are done.
+    /// Exposure compensation in stops, for complete pictures; the picture is at most 1024 pixels wide.
     #[param(minimum = -16, maximum = 16)]
     stops: Option<f64>,
 }
 
-/// The picture of a rendering: what is there so far, about every second, and render.png once it is done.
+/// Picture of a rendering: intermediate pictures about every second, and render.png once it is complete.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/picture.png", tag = "reconstructions", operation_id = "picture",
     params(("id" = String, Path), Look),
     responses((status = 200, content(([u8] = "image/png"))), (status = 400, body = Problem), (status = 404, body = Problem)))]
@@ -89,7 +89,7 @@ pub async fn picture(
     Ok(([(header::CONTENT_TYPE, "image/png")], picture).into_response())
 }
 
-/// What a report says of its picture.
+/// Keys of a report that describe its picture.
 #[derive(Deserialize)]
 struct Shown {
     size: [usize; 2],
