@@ -1,4 +1,4 @@
-//! What a reconstruction found: `/api/v1/reconstructions/{id}/maps` and `pixel`.
+//! Results of a reconstruction: `/api/v1/reconstructions/{id}/maps` and `pixel`.
 
 use super::heavy::Heavy;
 use super::problem::{Answer, Problem};
@@ -16,12 +16,12 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use utoipa::{IntoParams, ToSchema};
 
-/// Which part of a map is drawn, in pixels of the map.
+/// Region of a map in pixels, and the picture's width.
 #[derive(Debug, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Region {
-    /// Pixels per row of the picture, at most.
+    /// Most pixels per row of the picture.
     #[param(minimum = 1, maximum = 16384)]
     width: Option<usize>,
     #[param(maximum = 65535)]
@@ -37,13 +37,13 @@ pub struct Region {
 /// A file of a result.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ResultFile {
-    /// Its name.
+    /// Name of the file.
     name: String,
-    /// Its size.
+    /// Size in bytes.
     bytes: u64,
 }
 
-/// The files of a reconstruction.
+/// Lists the files of a reconstruction.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/files", tag = "reconstructions", operation_id = "result_files",
     params(("id" = String, Path)), responses((status = 200, body = Vec<ResultFile>), (status = 404, body = Problem)))]
 pub async fn list(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Vec<ResultFile>>> {
@@ -52,7 +52,7 @@ pub async fn list(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Jso
     Ok(Json(files.into_iter().map(|(name, bytes)| ResultFile { name, bytes }).collect()))
 }
 
-/// A file of a reconstruction, as it is.
+/// Downloads a file of a reconstruction.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/files/{file}", tag = "reconstructions",
     operation_id = "result_file", params(("id" = String, Path), ("file" = String, Path, description = "For instance hdr.png")),
     responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"))),
@@ -67,7 +67,7 @@ pub async fn file(
     files::send(&files::inside(&folder, &name)?, kind, &wishes).await
 }
 
-/// A pixel of the maps.
+/// Coordinates of a pixel.
 #[derive(Debug, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
@@ -78,29 +78,29 @@ pub struct PixelQuery {
     y: usize,
 }
 
-/// One pixel with all that was measured, and the sinusoid through it.
+/// Measured values of one pixel, and the fitted sinusoid.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Pixel {
     x: usize,
     y: usize,
-    /// `{analyser_deg, value, file}` for each photograph, as the reconstruction put it right.
+    /// `{analyser_deg, value, file}` for each photograph, after all corrections of the reconstruction.
     #[schema(value_type = Vec<Object>)]
     points: Vec<Point>,
     s0: f64,
     s1: f64,
     s2: f64,
-    /// The fitted curve.
+    /// Points of the fitted curve.
     fit: Vec<FitPoint>,
     residual_rms: f64,
-    /// None where masked, and where the model is plain.
+    /// Orientation in degrees; null where masked, and for the model `plain`.
     orientation_deg: Option<f64>,
-    /// Angle of linear polarization; none where masked.
+    /// Angle of linear polarization in degrees; null where masked.
     aolp_deg: Option<f64>,
     sigma_deg: Option<f64>,
     dolp: Option<f64>,
-    /// None where masked, or when there is no map of periods.
+    /// Period in µm; null where masked, and without a map of periods.
     period_um: Option<f64>,
-    /// From noise alone; none for heuristic periods.
+    /// Standard deviation of the period in µm, from noise alone; null for heuristic periods.
     period_sigma_um: Option<f64>,
     masked: bool,
     saturated: bool,
@@ -113,8 +113,10 @@ pub struct FitPoint {
     value: f64,
 }
 
-/// A map: `NAME.png` for a picture (of a region), `NAME.exr`, `NAME.csv` or `NAME.npy` for its numbers; NAME is
-/// sigma, dolp, mask, aolp or s0; orientation where the model is one of gratings; smoothed, period and period_sigma where they were asked for.
+/// A map as a picture (`NAME.png`) or as numbers (`NAME.exr`, `NAME.csv` or `NAME.npy`).
+///
+/// NAME is `sigma`, `dolp`, `mask`, `aolp` or `s0`. Grating models also have `orientation`. `smoothed`, `period` and
+/// `period_sigma` exist if they were requested.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/maps/{file}", tag = "reconstructions", operation_id = "map",
     params(("id" = String, Path), ("file" = String, Path, description = "For instance orientation.png"), Region),
     responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"), (String = "text/csv"))),
@@ -152,7 +154,7 @@ pub async fn map(
     }
 }
 
-/// A map, or a region of it, as a picture.
+/// Picture of a map, or of a region of it.
 async fn picture(app: &App, folder: PathBuf, name: String, width: usize, region: &Region) -> Answer<Response> {
     let palette = maps::palette(&folder);
     let view = maps::View {
@@ -178,7 +180,7 @@ async fn picture(app: &App, folder: PathBuf, name: String, width: usize, region:
     Ok((kind, range.get().cloned().map(|range| [range]), [maps::palette_header(palette)], response).into_response())
 }
 
-/// One pixel: its measured points, the fit, and what the maps say.
+/// Reads one pixel: its measured points, the fit, and the values of the maps.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/pixel", tag = "reconstructions", operation_id = "pixel",
     params(("id" = String, Path), PixelQuery),
     responses((status = 200, body = Pixel), (status = 400, body = Problem), (status = 404, body = Problem)))]

@@ -1,4 +1,4 @@
-//! All paths, in one place.
+//! All paths of the service.
 
 use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
@@ -40,17 +40,17 @@ impl Modify for Token {
     }
 }
 
-/// Which program this is.
+/// Version and state of the program.
 #[derive(Serialize, ToSchema)]
 struct About {
     version: &'static str,
-    /// Nothing of the bench is real.
+    /// Whether the whole bench is simulated.
     simulated: bool,
-    /// What is wrong with the service and what to do about it, such as a full disk; empty if all is well.
+    /// Problems of the service with their remedies, such as a full disk; empty if there are none.
     problems: Vec<String>,
 }
 
-/// The program.
+/// Reads version and state of the program.
 #[utoipa::path(get, path = "/api/v1/about", tag = "service", operation_id = "about",
     responses((status = 200, body = About)))]
 async fn about(State(app): State<Arc<App>>) -> Json<About> {
@@ -121,7 +121,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(display::beat))
 }
 
-/// Uploads take as long as they make progress, and are as large as the configuration says.
+/// Routes of uploads, without limits of time and body size: uploads have their own limits.
 fn slow() -> OpenApiRouter<Arc<App>> {
     OpenApiRouter::new().routes(routes!(uploads::upload)).layer(DefaultBodyLimit::disable())
 }
@@ -133,7 +133,7 @@ pub fn openapi() -> Value {
     let operations = document["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
     for operation in operations.filter_map(Value::as_object_mut).flat_map(|item| item.values_mut()) {
         if let Some(responses) = operation.get_mut("responses").and_then(Value::as_object_mut) {
-            // Any request can be refused for these reasons.
+            // Every request can be refused with these statuses.
             for (status, why) in REFUSALS {
                 responses.entry(*status).or_insert_with(|| json!({ "description": why }));
             }
@@ -153,7 +153,7 @@ pub fn openapi() -> Value {
     document
 }
 
-/// Statuses that any operation may answer with.
+/// Error statuses of every operation, with their descriptions.
 const REFUSALS: &[(&str, &str)] = &[
     ("400", "Something in the request cannot be used"),
     ("401", "A token is needed"),
@@ -169,7 +169,7 @@ const REFUSALS: &[(&str, &str)] = &[
 
 fn documented() -> utoipa::openapi::OpenApi {
     let mut document = api().merge(slow()).to_openapi();
-    // A path in axum's words for the rest of the path is one parameter in OpenAPI's.
+    // axum's wildcard for the rest of a path is one parameter in OpenAPI.
     let path = "/api/v1/sessions/{id}/files/{path}";
     let file = OpenApiRouter::<Arc<App>>::new().routes(routes!(session_data::file)).to_openapi();
     if let Some(item) = file.paths.paths.get(path) {
@@ -213,18 +213,18 @@ async fn numbers(State(app): State<Arc<App>>) -> Response {
         .into_response()
 }
 
-/// The service lives, though it may lack something.
+/// Liveness check: answers even if the service has problems.
 async fn health(State(app): State<Arc<App>>) -> String {
     let problems = app.stores.problems();
     if problems.is_empty() { "ok".into() } else { problems.join("\n") }
 }
 
-/// The service does all that it is for.
+/// Readiness check: fails while the service has problems.
 async fn ready(State(app): State<Arc<App>>) -> Answer<&'static str> {
     app.jobs().map(|_| "ok")
 }
 
-/// A document of the page, or one of its assets. Browsers keep assets whose path has the page's version in it.
+/// A document of the page, or one of its assets. Browsers cache assets whose path contains the page's version.
 async fn page(path: String) -> Response {
     if let Some(document) = nacre_web::document(&path) {
         return Html(document).into_response();
@@ -239,8 +239,8 @@ async fn page(path: String) -> Response {
     }
 }
 
-/// Whether an answer gets smaller by compression: text does. Events must not wait for more of their kind, and pictures and maps are
-/// compressed already or too large to be worth the time.
+/// Whether to compress an answer: text only. Events must not be delayed, pictures are already compressed, and maps
+/// take too long.
 fn is_text(_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions) -> bool {
     const TEXT: [&str; 6] =
         ["text/html", "text/css", "text/javascript", "image/svg+xml", "application/json", "application/problem+json"];
@@ -248,7 +248,7 @@ fn is_text(_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions) -> bo
     TEXT.iter().any(|text| kind.starts_with(text))
 }
 
-/// Ends what takes too long.
+/// Ends requests that exceed the time limit.
 async fn in_time(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let longest = Duration::from_secs(app.config.limits.request_s);
     match tokio::time::timeout(longest, next.run(request)).await {
@@ -257,7 +257,7 @@ async fn in_time(State(app): State<Arc<App>>, request: Request, next: Next) -> R
     }
 }
 
-/// Refuses more requests at once than the configuration allows; those that are still being sent do not count. STOP is never
+/// Refuses simultaneous requests beyond the limit; requests whose body is still arriving do not count. STOP is never
 /// refused, and needs no body.
 async fn bounded(
     State(app): State<Arc<App>>,
@@ -283,7 +283,7 @@ async fn bounded(
     next.run(Request::from_parts(parts, body.into())).await
 }
 
-/// Counts answers.
+/// Counts answers by status.
 async fn count(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let response = next.run(request).await;
     app.metrics.answered(response.status().as_u16());

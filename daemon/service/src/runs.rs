@@ -1,4 +1,4 @@
-//! Runs of sessions in the service: their events while they run, and those that the journal holds afterwards.
+//! Runs of sessions in the service, and their events: live during the run, from the journal afterwards.
 
 use super::events::EventLog;
 use super::paths::without_folders;
@@ -16,25 +16,25 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Instant, SystemTime};
 
-/// Width of the map that is looked at while frames arrive.
+/// Width in pixels of the map that is shown while frames arrive.
 const MAP_WIDTH: usize = 512;
 
-/// Stage of a run that has given the devices back.
+/// Stage of a run that has released the devices.
 const OVER: &str = "over";
 
 /// One run of a session.
 pub struct Run {
-    /// The session.
+    /// Id of the session.
     pub id: String,
-    /// Its folder.
+    /// Folder of the session.
     pub folder: PathBuf,
-    /// What it is to take.
+    /// Plan of the session.
     pub plan: Plan,
-    /// When it was asked for, in Unix seconds.
+    /// Time of the request in Unix seconds.
     pub created: u64,
-    /// State, and who steers.
+    /// State of the run, and its control.
     pub control: Arc<Control>,
-    /// What happened.
+    /// Events of the run.
     pub events: Arc<EventLog>,
     inner: Mutex<Inner>,
 }
@@ -67,7 +67,7 @@ impl Run {
         Self { id, folder, plan, created, control: Arc::default(), events: Arc::default(), inner: Mutex::new(inner) }
     }
 
-    /// A run of a session of which this happened already.
+    /// Run of a session that already has these events.
     pub fn resumed(self, events: EventLog) -> Self {
         Self { events: Arc::new(events), ..self }
     }
@@ -76,19 +76,19 @@ impl Run {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What it does, how many steps that has and how many are done.
+    /// Current stage, its number of steps, and the number of steps done.
     pub fn stage(&self) -> (String, u64, u64) {
         let inner = self.inner();
         (inner.stage.clone(), inner.steps, inner.done)
     }
 
-    /// Frames stored by now; none before frames are taken.
+    /// Number of frames stored so far; `None` before the first stage with frames.
     pub fn committed(&self) -> Option<u64> {
         let inner = self.inner();
         (inner.stage == "capturing").then_some(inner.done)
     }
 
-    /// Seconds until the stage is done, at the pace so far.
+    /// Remaining time of the stage in seconds, at its mean pace so far.
     pub fn eta_s(&self) -> Option<f64> {
         let inner = self.inner();
         let going = matches!(self.control.state(), State::Running | State::Stopping) && inner.done > 0;
@@ -96,45 +96,45 @@ impl Run {
         going.then(|| inner.begun.elapsed().as_secs_f64() * left / inner.done as f64)
     }
 
-    /// Why it failed.
+    /// Error message of a failed run.
     pub fn error(&self) -> Option<String> {
         self.inner().error.clone()
     }
 
-    /// The device that is at fault, if it failed by one.
+    /// Device error that made the run fail, if one did.
     pub fn fault(&self) -> Option<DeviceError> {
         self.inner().fault.clone()
     }
 
-    /// Says why it failed.
+    /// Records the failure.
     pub fn fail(&self, failure: Failure) {
         let mut inner = self.inner();
         inner.fault = failure.fault().cloned();
         inner.error = Some(Problem::from(failure).to_string());
     }
 
-    /// How well a series that ends by its σ knows its orientations so far.
+    /// Achieved σ of a series that stops at a σ.
     pub fn sigma_so_far(&self) -> Option<SoFar> {
         self.inner().sigma
     }
 
-    /// The map so far.
+    /// The map computed from the frames so far.
     pub fn map_so_far(&self) -> Option<Arc<Glance>> {
         self.inner().map.clone()
     }
 
-    /// Whether it has given the devices back.
+    /// Whether the run has released the devices.
     pub fn is_over(&self) -> bool {
         self.inner().stage == OVER
     }
 
-    /// Drops what takes memory; the session's folder has all that lasts.
+    /// Frees the memory of events and map; the session's folder has all lasting data.
     pub fn forget(&self) {
         self.inner().map = None;
         self.events.clear();
     }
 
-    /// It has given the devices back.
+    /// Marks the run as ended: it has released the devices.
     pub fn end(&self) {
         self.inner().stage = OVER.into();
     }
@@ -152,7 +152,7 @@ impl Progress for Run {
         self.inner().done += 1;
     }
 
-    /// The results of a run that was aborted in time are not made; a run itself is steered by its control.
+    /// Results of a run that was aborted before them are not computed. The control steers the run itself.
     fn cancelled(&self) -> bool {
         self.control.state() == State::Aborting
     }
@@ -188,7 +188,7 @@ impl Observer for Run {
     }
 }
 
-/// Unix seconds now.
+/// Current time in Unix seconds.
 pub fn now() -> Option<f64> {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok().map(|d| d.as_millis() as f64 / 1000.0)
 }
@@ -219,7 +219,7 @@ pub fn history(folder: &Path) -> EventLog {
     log
 }
 
-/// Data of the event that a frame is stored.
+/// Data of a `frame` event.
 fn frame(step: &Step, evidence: &Commit, index: u64) -> Value {
     let (exposure_s, gain) = evidence.controls();
     json!({
@@ -228,7 +228,7 @@ fn frame(step: &Step, evidence: &Commit, index: u64) -> Value {
     })
 }
 
-/// Text of a journal entry for the list of events; None for entries that are not listed.
+/// Text of a journal entry in the list of events; `None` for entries that are not listed.
 fn note(entry: &Entry) -> Option<String> {
     let text = match entry {
         Entry::Begun => "begun".into(),

@@ -1,4 +1,4 @@
-//! Uploads of scenes: sent whole, started from, or made of the maps of a result.
+//! Uploads of scenes: complete, started from the gallery, or made from the maps of a result.
 
 use super::problem::{Answer, Problem};
 use super::{App, blocking, files};
@@ -7,20 +7,20 @@ use nacre_base::operation::Operation;
 use nacre_render::{Options, gallery_scene, scene_of_maps};
 use std::path::Path;
 
-/// Endings of files that a scene may name, and its own.
+/// Extensions of scene files and of the files that scenes may name.
 pub const EXTENSIONS: &[&str] = &[
     "toml", "exr", "hdr", "png", "tif", "tiff", "jpg", "jpeg", "bmp", "obj", "ply", "gltf", "glb", "bin", "csv", "txt",
     "asc", "dat",
 ];
 
-/// What a scene can use of a result.
+/// Maps of a result that a scene can use.
 const MAPS: [&str; 3] = ["orientation.exr", "period.exr", "lut.exr"];
 
-/// Puts the beginning of a scene into a folder: one of the `gallery` by its name, or the maps of a `result` by its id.
-/// Answers with the name of that.
+/// Copies the start of a scene into a folder: a `gallery` scene by its name, or the maps of a `result` by its id.
+/// Returns the name of the scene or result.
 ///
 /// # Errors
-/// `bad-request` for names that no scene has and results without maps; `not-found` for ids that nothing has.
+/// `bad-request` for unknown scenes and results without maps; `not-found` for unknown ids.
 pub async fn begin(app: &App, part: &str, named: String, folder: &Path) -> Answer<String> {
     let folder = folder.to_path_buf();
     if part == "gallery" {
@@ -34,14 +34,14 @@ pub async fn begin(app: &App, part: &str, named: String, folder: &Path) -> Answe
 fn from_gallery(folder: &Path, name: &str) -> Answer<()> {
     let target = OutputFolder::begin(folder, true)?;
     gallery_scene(&target, name)?;
-    // Whoever asked may have gone, and the folder with the request; it is not to come back.
+    // A dropped request removes the folder; it must not be created again.
     if !folder.exists() {
         return Err(Problem::bad("the upload stopped half-way"));
     }
     Ok(target.commit()?)
 }
 
-/// Files that are there stay.
+/// Copies the maps; files that exist are kept.
 fn add_maps(folder: &Path, results: &Path) -> Answer<()> {
     let found: Vec<&str> = MAPS.into_iter().filter(|name| results.join(name).is_file()).collect();
     if found.is_empty() {
@@ -55,10 +55,10 @@ fn add_maps(folder: &Path, results: &Path) -> Answer<()> {
     Ok(())
 }
 
-/// Makes a scene of maps that came without one, and refuses what cannot be rendered; how many files and bytes there are.
+/// Writes a scene for maps without one, and checks that it can be rendered. Returns the number of files and bytes.
 ///
 /// # Errors
-/// `bad-request`, which names key or file.
+/// `bad-request`, naming key or file.
 pub fn complete(folder: &Path) -> Answer<(usize, u64)> {
     let toml = |name: &str| Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     let scene = files::list(folder).iter().any(|(name, _)| toml(name));

@@ -1,4 +1,4 @@
-//! What is in a session: `/api/v1/sessions/{id}/frames`, `live.png` and `files`.
+//! Contents of a session: `/api/v1/sessions/{id}/frames`, `live.png` and `files`.
 
 use super::devices::Width;
 use super::problem::{Answer, Problem};
@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
 
-/// Which map, and how wide.
+/// Map and width of a live picture.
 #[derive(Debug, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
@@ -23,12 +23,12 @@ pub struct LiveMap {
     /// `orientation`, `sigma` or `dolp`.
     #[param(pattern = "^(orientation|sigma|dolp)$")]
     map: Option<String>,
-    /// Pixels per row, at most.
+    /// Most pixels per row.
     #[param(minimum = 1, maximum = 16384)]
     width: Option<usize>,
 }
 
-/// A frame with the evidence that it is fresh.
+/// A frame, with the evidence that it shows the commanded state.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct FrameDoc {
     file: String,
@@ -63,12 +63,12 @@ pub struct FileList {
     items: Vec<FileDoc>,
 }
 
-/// The frames with the evidence that they are fresh.
+/// Lists the frames, with the evidence that each shows the commanded state.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/frames", tag = "sessions", operation_id = "session_frames",
     params(("id" = String, Path)), responses((status = 200, body = FrameList), (status = 404, body = Problem)))]
 pub async fn frames(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<FrameList>> {
     if app.run(&id).is_some() && app.existing_session(&id).is_err() {
-        // It meters, and has no folder yet.
+        // A session that still meters has no folder.
         return Ok(Json(FrameList { items: vec![] }));
     }
     let folder = app.existing_session(&id)?;
@@ -123,7 +123,7 @@ pub async fn frame(
     }
 }
 
-/// The map so far, while frames arrive.
+/// Picture of the map computed from the frames so far.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/live.png", tag = "sessions", operation_id = "live_map",
     params(("id" = String, Path), LiveMap),
     responses((status = 200, content_type = "image/png", body = [u8]), (status = 400, body = Problem),
@@ -147,17 +147,17 @@ pub async fn live(State(app): State<Arc<App>>, At(id): At<String>, Params(query)
     Ok(([maps::range_header(&name, plane), maps::palette_header(palette)], body?).into_response())
 }
 
-/// The files of a session.
+/// Lists the files of a session.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/files", tag = "sessions", operation_id = "session_files",
     params(("id" = String, Path)), responses((status = 200, body = FileList), (status = 404, body = Problem)))]
 pub async fn files(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<FileList>> {
-    // One that meters has no folder yet.
+    // A session that still meters has no folder.
     let folder = if app.run(&id).is_some() { app.session_folder(&id)? } else { app.existing_session(&id)? };
     let files = blocking(move || Answer::Ok(super::files::list(&folder))).await?;
     Ok(Json(FileList { items: files.into_iter().map(|(path, bytes)| FileDoc { path, bytes }).collect() }))
 }
 
-/// A file of a session.
+/// Downloads a file of a session.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/files/{path}", tag = "sessions", operation_id = "session_file",
     params(("id" = String, Path), ("path" = String, Path, description = "For instance results/orientation.exr")),
     responses((status = 200, content_type = "application/octet-stream", body = [u8]), (status = 400, body = Problem),

@@ -13,60 +13,61 @@ use nacre_store::catalogue::SessionRow;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// Why a session ended whose journal does not say so.
+/// Error of a session whose journal ends without a reason.
 const CUT_OFF: &str = "its process was killed, or power failed; resume the session";
 
 /// A session.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct SessionDoc {
     id: String,
-    /// As given, else that in the plan, else the sample, else the kind of plan.
+    /// As given, or else the name in the plan, the sample or the kind of plan.
     name: String,
     sample: String,
     operator: String,
     notes: String,
     kind: String,
-    /// When it was begun, in Unix seconds.
+    /// Start of the session in Unix seconds.
     created: i64,
-    /// Size of all its files.
+    /// Size of all files in bytes.
     bytes: u64,
     /// `idle`, `running`, `pausing`, `paused`, `resuming`, `stopping`, `aborting`, `finished` or `failed`.
     #[schema(value_type = String)]
     pub state: RunState,
-    /// For a series that goes on until its σ is as wanted: the most.
+    /// Number of frames in the plan; the maximum for a series that stops at a σ.
     frames_planned: usize,
     frames_committed: usize,
-    /// For a series that goes on until enough is known, what is known so far: `{angles, sigma_deg, until_sigma_deg, at_most,
-    /// least_deg}` behind an analyser, where `least_deg` is what σ will be at least after the most angles;
-    /// `{fringes, undecided, until_undecided, at_most}` of a spot scan.
+    /// Progress of a series that stops early.
+    ///
+    /// With an analyser: `{angles, sigma_deg, until_sigma_deg, at_most, least_deg}`, where `least_deg` is the lowest σ
+    /// that the longest series can reach. For fringes: `{fringes, undecided, until_undecided, at_most}`.
     #[schema(value_type = Option<Object>)]
     sigma: Option<SoFar>,
-    /// Why such a series has ended: `met`, `at_most` or `cannot`.
+    /// Why such a series ended: `met`, `at_most` or `cannot`.
     #[schema(value_type = Option<String>)]
     ended: Option<Ending>,
-    /// What it does now; none once it has given the devices back.
+    /// Current stage; null once the devices are released.
     stage: Option<String>,
-    /// Seconds until that is done.
+    /// Remaining time of the stage in seconds.
     eta_s: Option<f64>,
     /// Why it failed or was stopped.
     error: Option<String>,
-    /// The device that did not do what it was asked to, if one is why: `{device, command, expected, got, remedy, class}`, where `class` is
+    /// Device error that made the session fail: `{device, command, expected, got, remedy, class}`, where `class` is
     /// `retry`, `lost`, `stop` or `setup`.
     #[schema(value_type = Option<Object>)]
     fault: Option<DeviceError>,
-    /// There are results of a reconstruction in the session.
+    /// Whether the session contains results of a reconstruction.
     has_results: bool,
-    /// Where the time went.
+    /// Time spent in each activity.
     #[schema(value_type = Option<Object>)]
     timing: Option<Timing>,
-    /// The plan; left out in lists and events.
+    /// The plan; omitted in lists and events.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     plan: Option<Plan>,
 }
 
 impl SessionDoc {
-    /// Of a run, or of a folder that nobody works on.
+    /// Description of a run, or of a folder that no process works on.
     pub fn read(app: &App, id: &str, with_plan: bool) -> Answer<Self> {
         let folder = app.session_folder(id)?;
         let run = app.run(id);
@@ -109,7 +110,7 @@ impl SessionDoc {
 
     fn live(&mut self, run: &Run) {
         self.state = run.control.state();
-        // Whoever sees them can have the devices.
+        // Clients take results as a sign that the devices are free.
         self.has_results &= run.is_over();
         self.stage = Some(run.stage().0).filter(|_| !run.is_over());
         (self.eta_s, self.error) = (run.eta_s(), run.error().or(self.error.take()));
@@ -118,7 +119,7 @@ impl SessionDoc {
         self.frames_committed = run.committed().map_or(self.frames_committed, |n| n as usize);
     }
 
-    /// Of a run that meters, and has no folder yet.
+    /// Description of a run that still meters and has no folder.
     fn without_folder(run: &Run, with_plan: bool) -> Self {
         let plan = &run.plan;
         let mut doc = Self {

@@ -1,4 +1,4 @@
-//! `/api/v1/sessions`.
+//! `/api/v1/sessions`: list, start and control of sessions.
 
 use super::keys::Keyed;
 use super::plans::PlanBody;
@@ -22,18 +22,18 @@ use std::path::Path;
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
 
-/// Longest text that is searched for, in characters.
+/// Longest search text in characters.
 const LONGEST_SEARCH: usize = 1000;
 
 /// One page of sessions.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SessionPage {
     items: Vec<SessionDoc>,
-    /// Where the next page begins.
+    /// Start of the next page; null on the last one.
     next: Option<String>,
 }
 
-/// What to look for.
+/// Search and paging of sessions.
 #[derive(Debug, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
@@ -41,21 +41,21 @@ pub struct Search {
     /// Words that all occur in name, sample, operator, notes or folder.
     #[param(max_length = 1000)]
     text: Option<String>,
-    /// Only this kind of plan.
+    /// Filter by kind of plan.
     #[param(value_type = Option<String>, pattern = "^(polarization|exposures|flash|spots|free)$")]
     kind: Option<PlanKind>,
-    /// Only this state: `finished`, `stopped` or `unfinished`.
+    /// Filter by state: `finished`, `stopped` or `unfinished`.
     #[param(value_type = Option<String>, pattern = "^(finished|stopped|unfinished)$")]
     state: Option<nacre_store::catalogue::State>,
     /// Most sessions in the page.
     #[param(minimum = 1, maximum = 1000)]
     limit: Option<u32>,
-    /// The `next` of the page before.
+    /// Value of `next` in the previous page.
     #[param(pattern = "^[0-9]+\\.[0-9a-f]+$")]
     cursor: Option<String>,
 }
 
-/// Begins a session.
+/// Starts a session.
 #[utoipa::path(post, path = "/api/v1/sessions", tag = "sessions", operation_id = "begin_session",
     request_body = PlanBody, params(("Idempotency-Key" = Option<String>, Header, description = "Begin it once only", min_length = 1, max_length = 200)),
     responses((status = 202, body = SessionDoc, headers(("Location" = String, description = "The session"))),
@@ -67,7 +67,7 @@ pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<PlanB
         return Err(Problem::bad(problems.join("; ")).remedy("change the plan"));
     }
     let mut turn = app.keys.turn(key).await;
-    // One that was deleted since is begun anew.
+    // If the session was deleted since, a new one is started.
     if let Some(id) = turn.made().filter(|id| SessionDoc::read(&app, id, false).is_ok()) {
         turn.same()?;
         return accepted(&app, &id);
@@ -89,7 +89,7 @@ fn accepted(app: &App, id: &str) -> Answer<Response> {
 /// Gives the devices to a run.
 fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
     let (worker, follower) = ((app.clone(), run.clone()), (app.clone(), run.clone()));
-    // Known before it begins, so that its state can be asked for at once.
+    // Registered before it starts, so that its state can be requested at once.
     let before = app.runs.insert(run.clone());
     let begun = app.bench.begin(&run.id, run.control.clone(), move |owner| {
         let (app, run) = worker;
@@ -109,7 +109,7 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
             Ok(taken) if taken.results.is_some() => run.events.push_at("results", now(), &json!({})),
             Ok(_) | Err(Failure::Processing(nacre_base::Error::Cancelled)) => {}
             Err(failure) => {
-                // Also what failed before the engine began, so that nobody waits for it.
+                // A failure before the engine started also ends the run for subscribers.
                 let _ = run.control.send(Input::Start);
                 let _ = run.control.send(Input::Fault);
                 run.fail(failure);
@@ -131,7 +131,7 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
     Ok(())
 }
 
-/// Tells every change of a run's state until it is over.
+/// Publishes every change of a run's state until the run is over.
 async fn tell_states(app: &Arc<App>, run: &Arc<Run>) {
     let mut states = run.control.subscribe();
     let mut last = None;
@@ -149,13 +149,13 @@ async fn tell_states(app: &Arc<App>, run: &Arc<Run>) {
         if over {
             break;
         }
-        // What is over without a change of state is seen a moment later.
+        // A run can end without a change of state, which is detected after this time.
         let _ = tokio::time::timeout(std::time::Duration::from_millis(100), states.changed()).await;
     }
     run.events.close();
 }
 
-/// Sessions, newest first.
+/// Lists sessions, newest first.
 #[utoipa::path(get, path = "/api/v1/sessions", tag = "sessions", operation_id = "sessions", params(Search),
     responses((status = 200, body = SessionPage), (status = 400, body = Problem)))]
 pub async fn list(State(app): State<Arc<App>>, Params(search): Params<Search>) -> Answer<Json<SessionPage>> {
@@ -176,7 +176,7 @@ pub async fn list(State(app): State<Arc<App>>, Params(search): Params<Search>) -
     let next = page.next.map(|c| c.to_string());
     let items = blocking(move || {
         let id = |row: &SessionRow| Some(Path::new(&row.folder).file_name()?.to_string_lossy().into_owned());
-        // One that was deleted meanwhile is left out.
+        // A session that was deleted meanwhile is omitted.
         Answer::Ok(
             page.sessions.iter().filter_map(id).filter_map(|id| SessionDoc::read(&app, &id, false).ok()).collect(),
         )
@@ -184,14 +184,14 @@ pub async fn list(State(app): State<Arc<App>>, Params(search): Params<Search>) -
     Ok(Json(SessionPage { items: items.await?, next }))
 }
 
-/// A session.
+/// Reads a session.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}", tag = "sessions", operation_id = "session", params(("id" = String, Path)),
     responses((status = 200, body = SessionDoc), (status = 404, body = Problem)))]
 pub async fn get(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<SessionDoc>> {
     Ok(Json(blocking(move || SessionDoc::read(&app, &id, true)).await?))
 }
 
-/// Waits after the frames in progress, with the light off.
+/// Pauses after the frames in progress, with the light off.
 #[utoipa::path(post, path = "/api/v1/sessions/{id}/pause", tag = "sessions", operation_id = "pause_session",
     params(("id" = String, Path)),
     responses((status = 202, body = SessionDoc), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -199,7 +199,7 @@ pub async fn pause(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Re
     steer(&app, &id, Input::Pause)
 }
 
-/// Goes on after a pause, or takes what a session lacks; one that lacks nothing stays as it is.
+/// Continues a paused session, or takes the missing frames of an ended one. A complete session stays unchanged.
 #[utoipa::path(post, path = "/api/v1/sessions/{id}/resume", tag = "sessions", operation_id = "resume_session",
     params(("id" = String, Path)),
     responses((status = 202, body = SessionDoc), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -223,7 +223,7 @@ pub async fn resume(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<R
     accepted(&app, &id)
 }
 
-/// Ends after the frames in progress; what is missing can be taken later.
+/// Stops after the frames in progress; missing frames can be taken later.
 #[utoipa::path(post, path = "/api/v1/sessions/{id}/stop", tag = "sessions", operation_id = "stop_session",
     params(("id" = String, Path)),
     responses((status = 202, body = SessionDoc), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -231,7 +231,7 @@ pub async fn stop(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Res
     steer(&app, &id, Input::Stop)
 }
 
-/// Ends at once.
+/// Aborts at once.
 #[utoipa::path(post, path = "/api/v1/sessions/{id}/abort", tag = "sessions", operation_id = "abort_session",
     params(("id" = String, Path)),
     responses((status = 202, body = SessionDoc), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -254,9 +254,11 @@ fn steer(app: &Arc<App>, id: &str, input: Input) -> Answer<Response> {
     }
 }
 
-/// What happens in a session, as server-sent events: `state`, `stage`, `frame`, `map`, `sigma` (of a
-/// series that ends by it), `note`, `results`. `time` is when it happened, in Unix seconds; `frame` and `note` come
-/// from the journal with its times, also after the session has ended.
+/// Streams the events of a session as server-sent events.
+///
+/// Events are `state`, `stage`, `frame`, `map`, `sigma` (of a series that stops at a σ), `note` and `results`. `time`
+/// is the time of the event in Unix seconds. `frame` and `note` come from the journal with its times, also after the
+/// end of the session.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/events", tag = "sessions", operation_id = "session_events",
     params(("id" = String, Path), ("Last-Event-ID" = Option<String>, Header, description = "Go on after this event")),
     responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),

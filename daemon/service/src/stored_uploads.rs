@@ -1,4 +1,4 @@
-//! Uploads that are stored: which there are, and what becomes of those that nobody needs any more.
+//! Stored uploads: their list, and the deletion of unused ones.
 
 use super::problem::Answer;
 use super::{App, blocking, check_id, files, naming};
@@ -13,25 +13,25 @@ use std::time::{Duration, SystemTime};
 use ulid::Ulid;
 use utoipa::ToSchema;
 
-/// Most uploads that are listed, the newest.
+/// Most uploads in a list, the newest.
 const MOST: usize = 1000;
 
-/// Beginning of the names of unfinished uploads in earlier versions.
+/// Name prefix of unfinished uploads in earlier versions.
 const EARLIER: &str = ".upload-";
 
 /// An upload.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct StoredUpload {
     id: String,
-    /// As given, else derived from the files.
+    /// As given, or else derived from the files.
     name: String,
-    /// When it was begun, in Unix seconds.
+    /// Start of the upload in Unix seconds.
     created: u64,
     files: usize,
     bytes: u64,
-    /// Reconstructions that use it; it is deleted with the last of them.
+    /// Ids of the reconstructions that use it; it is deleted with the last of them.
     reconstructions: Vec<String>,
-    /// When it is deleted unless a reconstruction uses it, in Unix seconds; none while one does.
+    /// Deletion time in Unix seconds; null while a reconstruction uses it.
     expires: Option<u64>,
 }
 
@@ -50,13 +50,14 @@ fn ids(folder: &Path) -> Vec<String> {
     ids
 }
 
-/// When an id was made.
+/// Time at which an id was made, since the Unix epoch.
 fn made(id: &str) -> Duration {
     Duration::from_millis(Ulid::from_string(id).map_or(0, |id| id.timestamp_ms()))
 }
 
 impl App {
-    /// Uploads that reconstructions use, with these. None can begin while the queue is not open.
+    /// Uploads that reconstructions use, with the ids of these. While the queue is closed, no reconstruction can
+    /// begin.
     pub async fn uploads_in_use(&self) -> Answer<HashMap<String, Vec<String>>> {
         match self.stores.jobs() {
             Some(jobs) => Ok(jobs.uploads().await?),
@@ -64,12 +65,12 @@ impl App {
         }
     }
 
-    /// How long an upload is kept that no reconstruction uses.
+    /// Lifetime of an upload that no reconstruction uses.
     fn upload_lifetime(&self) -> Duration {
         Duration::from_secs(self.config.limits.upload_days * 24 * 3600)
     }
 
-    /// An upload that is there.
+    /// Description of an existing upload.
     pub async fn stored_upload(&self, id: String) -> Answer<StoredUpload> {
         let reconstructions = self.uploads_in_use().await?.remove(&id).unwrap_or_default();
         let (folder, lifetime) = (self.upload_folder(&id)?, self.upload_lifetime());
@@ -85,7 +86,7 @@ fn describe(folder: &Path, id: String, reconstructions: Vec<String>, lifetime: D
     StoredUpload { name: naming::of_upload(folder), id, created, files: all.len(), bytes, reconstructions, expires }
 }
 
-/// Uploads, newest first, at most 1000.
+/// Lists uploads, newest first, at most 1000.
 #[utoipa::path(get, path = "/api/v1/uploads", tag = "reconstructions", operation_id = "uploads",
     responses((status = 200, body = UploadList)))]
 pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<UploadList>> {
@@ -101,10 +102,10 @@ pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<UploadList>> {
     Ok(Json(UploadList { items: items.await? }))
 }
 
-/// Deletes the uploads that have expired.
+/// Deletes the expired uploads.
 ///
 /// # Errors
-/// As the queue and the disk answer.
+/// Those of the queue and the disk.
 pub async fn expire(app: &Arc<App>) -> Answer<()> {
     let in_use = app.uploads_in_use().await?;
     let (folder, lifetime) = (app.config.data.join("uploads"), app.upload_lifetime());
@@ -119,11 +120,12 @@ pub async fn expire(app: &Arc<App>) -> Answer<()> {
     .await
 }
 
-/// Removes the unfinished uploads of earlier versions, which did not lock them, while no other service works on the folder.
+/// Removes unfinished uploads of earlier versions, which did not lock them. Call it while no other service uses the
+/// folder.
 pub fn sweep_earlier(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if entry.file_name().to_string_lossy().starts_with(EARLIER) && entry.path().is_dir() {
-            // What cannot be removed stays for the next start.
+            // If removal fails, the next start tries again.
             let _ = std::fs::remove_dir_all(entry.path());
         }
     }

@@ -1,16 +1,16 @@
-//! What the service tells systemd: that it is ready, that it stops, and that it is alive (sd_notify; units with `Type=notify` and `WatchdogSec=`).
-//! Nothing is told where nobody listens (no `NOTIFY_SOCKET`).
+//! Notifications to systemd: ready, stopping and watchdog (sd_notify; units with `Type=notify` and `WatchdogSec=`).
+//! Without `NOTIFY_SOCKET` there are none.
 
 use sd_notify::NotifyState::{self, Ready, Status, Stopping, Watchdog};
 use std::net::SocketAddr;
 
-/// It answers requests from now on. The watchdog is told twice in each of its intervals that it does.
+/// Notifies that the service answers requests, then feeds the watchdog twice per interval.
 pub fn ready(address: SocketAddr) {
     tell(&[Ready, Status(&format!("answers at http://{address}"))]);
     if let Some(interval) = sd_notify::watchdog_enabled() {
         tokio::spawn(async move {
             loop {
-                // Requests that read files or compute wait for the threads that this asks.
+                // Requests that read files or compute need these threads, so the watchdog tests them.
                 if tokio::task::spawn_blocking(|| ()).await.is_ok() {
                     tell(&[Watchdog]);
                 }
@@ -20,7 +20,7 @@ pub fn ready(address: SocketAddr) {
     }
 }
 
-/// It ends, which may take as long as requests in progress.
+/// Notifies that the service stops, which may take as long as requests in progress.
 pub fn stopping() {
     tell(&[Stopping]);
 }

@@ -1,7 +1,7 @@
-//! `/api/v1/trash`: deleted things, until they are restored, deleted for good, or too old.
+//! `/api/v1/trash`: deleted sessions, uploads and reconstructions, until restored, deleted for good, or expired.
 //!
-//! `trash/ID/` in the data folder holds `deleted.json`, and the deleted folders under the paths that they had in the
-//! data folder. An entry without `deleted.json` is left over from an interrupted deletion.
+//! `trash/ID/` in the data folder holds `deleted.json`, and the deleted folders under their former paths. An entry
+//! without `deleted.json` is the remainder of an interrupted deletion.
 
 use super::deletion::removed;
 use super::problem::{Answer, Kind, Problem};
@@ -24,10 +24,10 @@ use utoipa::ToSchema;
 /// Largest `deleted.json`, in bytes.
 const MAX_BYTES: u64 = 16 << 20;
 
-/// Folders of the data folder from which things are deleted.
+/// Folders of the data folder whose contents can be deleted.
 const FROM: [&str; 3] = ["sessions", "reconstructions", "uploads"];
 
-/// Kind of a deleted thing.
+/// Kind of an entry in the trash.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Thing {
@@ -35,47 +35,47 @@ pub enum Thing {
     Session,
     /// An upload that no reconstruction used.
     Upload,
-    /// A reconstruction or rendering, with the uploads that nothing else used.
+    /// A reconstruction or rendering, with the uploads that no other one used.
     Reconstruction,
 }
 
-/// `deleted.json`.
+/// Contents of `deleted.json`.
 #[derive(Serialize, Deserialize)]
 pub struct Deleted {
     kind: Thing,
     name: String,
-    /// When, in Unix seconds.
+    /// Time of the deletion in Unix seconds.
     deleted: u64,
     job: Option<Saved>,
 }
 
 impl Deleted {
-    /// Deleted now.
+    /// Entry of a deletion at the current time.
     pub fn now(kind: Thing, name: String, job: Option<Saved>) -> Self {
         Self { kind, name, deleted: now().as_secs(), job }
     }
 }
 
-/// A thing in the trash.
+/// An entry in the trash.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct TrashItem {
-    /// The id that it had, and has again once it is restored.
+    /// Former id; restoring gives it back.
     id: String,
     kind: Thing,
     name: String,
-    /// When it was deleted, in Unix seconds.
+    /// Time of the deletion in Unix seconds.
     deleted: u64,
-    /// When it is deleted for good, in Unix seconds; earlier if the disk runs short of space.
+    /// Time in Unix seconds at which it is deleted for good; earlier if disk space becomes short.
     expires: u64,
     files: usize,
     bytes: u64,
 }
 
-/// The trash, deleted last first.
+/// The trash, newest deletion first.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Trash {
     items: Vec<TrashItem>,
-    /// Days that things stay in it (`limits.trash_days`).
+    /// Days that entries stay in the trash (`limits.trash_days`).
     days: u64,
 }
 
@@ -84,12 +84,12 @@ fn now() -> Duration {
 }
 
 impl App {
-    /// Days for which a thing that is deleted now can be restored; 0 where it is deleted at once.
+    /// Days that an entry deleted now can be restored; 0 if deletions are immediate.
     pub fn trash_days(&self) -> u64 {
         if self.stores.is_short() { 0 } else { self.config.limits.trash_days }
     }
 
-    /// A thing that is not there, with the way back if it is in the trash.
+    /// Problem of a missing resource; the remedy names the trash if it is there.
     pub fn missing(&self, thing: &str, id: &str) -> Problem {
         let problem = Problem::not_found(format!("{thing} {id}"));
         if self.trash().join(id).join(DELETED_FILE).exists() {
@@ -102,16 +102,16 @@ impl App {
         self.config.data.join("trash")
     }
 
-    /// Seconds for which things stay in the trash.
+    /// Seconds that entries stay in the trash.
     fn kept_s(&self) -> u64 {
         self.config.limits.trash_days * 24 * 3600
     }
 
-    /// Deletes folders of the data folder: into the trash, or at once without a trash or without space for
-    /// `deleted.json`.
+    /// Deletes folders of the data folder: into the trash, or at once if the trash is off or `deleted.json` does not
+    /// fit.
     ///
     /// # Errors
-    /// As the system answers.
+    /// Those of the system.
     pub fn discard(&self, id: &str, deleted: &Deleted, folders: &[PathBuf]) -> Answer<()> {
         if self.trash_days() > 0
             && let Err(error) = keep(&self.config.data, id, deleted, folders)
@@ -129,7 +129,7 @@ fn keep(data: &Path, id: &str, deleted: &Deleted, folders: &[PathBuf]) -> io::Re
     let entry = TemporaryFolder::new(&trash, id.as_ref())?;
     fs::write(entry.path().join(DELETED_FILE), serde_json::to_vec(deleted)?)?;
     if place.exists() {
-        // An earlier deletion of it was interrupted before anything was moved.
+        // Remainder of a deletion that was interrupted before anything was moved.
         fs::remove_dir_all(&place)?;
     }
     fs::rename(entry.path(), &place)?;
@@ -142,7 +142,7 @@ fn keep(data: &Path, id: &str, deleted: &Deleted, folders: &[PathBuf]) -> io::Re
     Ok(())
 }
 
-/// Ids of what is in the trash.
+/// Ids of the entries.
 fn ids(trash: &Path) -> Vec<String> {
     let entries = fs::read_dir(trash).into_iter().flatten().flatten();
     entries.filter_map(|entry| entry.file_name().into_string().ok()).filter(|name| check_id(name).is_ok()).collect()
@@ -152,7 +152,7 @@ fn read(trash: &Path, id: &str) -> Option<Deleted> {
     serde_json::from_slice(&input::read(&trash.join(id).join(DELETED_FILE), MAX_BYTES).ok()?).ok()
 }
 
-/// Folders of an entry, by their paths in the data folder.
+/// Folders of an entry, by their former paths in the data folder.
 fn contents(entry: &Path) -> Vec<PathBuf> {
     let inside = |from: &str| {
         let ids = ids(&entry.join(from)).into_iter();
@@ -176,14 +176,14 @@ fn missing(id: &str) -> Problem {
 /// Deletes an entry for good.
 fn purge(trash: &Path, id: &str) -> Answer<()> {
     let entry = trash.join(id);
-    // Without it, nobody restores half of an entry.
+    // Removed first, so that an incomplete entry cannot be restored.
     match fs::remove_file(entry.join(DELETED_FILE)) {
         Err(e) if e.kind() != ErrorKind::NotFound => Err(Problem::refused("it cannot be deleted", &e)),
         _ => removed(&entry),
     }
 }
 
-/// The trash.
+/// Lists the trash.
 #[utoipa::path(get, path = "/api/v1/trash", tag = "trash", operation_id = "trash", responses((status = 200, body = Trash)))]
 pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<Trash>> {
     let (trash, kept_s, days) = (app.trash(), app.kept_s(), app.config.limits.trash_days);
@@ -193,7 +193,7 @@ pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<Trash>> {
     Ok(Json(Trash { items, days }))
 }
 
-/// Puts a deleted thing back, under its old id.
+/// Restores an entry under its former id.
 #[utoipa::path(post, path = "/api/v1/trash/{id}/restore", tag = "trash", operation_id = "restore", params(("id" = String, Path)),
     responses((status = 200, body = TrashItem), (status = 404, body = Problem), (status = 409, body = Problem)))]
 pub async fn restore(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<TrashItem>> {
@@ -202,7 +202,7 @@ pub async fn restore(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<
     let (trash, kept_s, known) = (app.trash(), app.kept_s(), id.clone());
     let found = move || item(&trash, &known, kept_s).zip(read(&trash, &known)).ok_or_else(|| missing(&known));
     let (item, deleted) = blocking(found).await?;
-    // Before anything is moved: the queue may not be open.
+    // Fails before anything is moved if the queue is closed.
     if let Some(job) = &deleted.job {
         app.jobs()?.restore(job).await?;
     }
@@ -225,7 +225,7 @@ fn put_back(data: &Path, id: &str, job: Option<&Saved>) -> Answer<()> {
         }
         move_back(&entry.join(folder), &target)?;
     }
-    // Uploads of several reconstructions are in the trash with the last of them.
+    // Uploads shared by several reconstructions are in the trash with the last of them.
     let light = job.and_then(|job| job.spec.light.as_ref()).map(|light| &light.upload);
     for upload in job.and_then(|job| job.spec.upload.as_ref()).into_iter().chain(light) {
         check_id(upload)?;
@@ -242,7 +242,7 @@ fn move_back(from: &Path, to: &Path) -> Answer<()> {
     fs::rename(from, to).map_err(|e| Problem::refused("it cannot be restored", &e))
 }
 
-/// Deletes a thing in the trash for good.
+/// Deletes an entry of the trash for good.
 #[utoipa::path(delete, path = "/api/v1/trash/{id}", tag = "trash", operation_id = "delete_for_good", params(("id" = String, Path)),
     responses((status = 204), (status = 404, body = Problem)))]
 pub async fn delete(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<StatusCode> {
@@ -262,10 +262,10 @@ pub async fn empty(State(app): State<Arc<App>>) -> Answer<StatusCode> {
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Deletes for good what has been in the trash for long enough.
+/// Deletes the expired entries for good.
 ///
 /// # Errors
-/// As the system answers.
+/// Those of the system.
 pub async fn expire(app: &Arc<App>) -> Answer<()> {
     let _turn = app.trash_turn.lock().await;
     let (trash, kept_s) = (app.trash(), app.kept_s());
@@ -280,10 +280,10 @@ pub async fn expire(app: &Arc<App>) -> Answer<()> {
     .await
 }
 
-/// Deletes for good what was deleted first, until the disk has enough space.
+/// Deletes the oldest entries for good until the disk has enough space.
 ///
 /// # Errors
-/// As the system answers.
+/// Those of the system.
 pub async fn make_room(app: &Arc<App>) -> Answer<()> {
     let _turn = app.trash_turn.lock().await;
     let (trash, app) = (app.trash(), app.clone());

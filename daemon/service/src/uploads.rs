@@ -1,4 +1,4 @@
-//! `/api/v1/uploads`: photographs taken elsewhere, streamed to the disk.
+//! `/api/v1/uploads`: photographs from elsewhere, streamed to the disk.
 
 use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
@@ -25,16 +25,16 @@ use utoipa::ToSchema;
 /// Most photographs of one upload.
 const MAX_FILES: usize = 4096;
 
-/// Longest name of a file, in bytes.
+/// Longest file name in bytes.
 const LONGEST_NAME: usize = 200;
 
-/// Longest text in a form that is read, in bytes, but for the rest of its last part.
+/// Longest text part of a form in bytes, except the last part.
 const LONGEST_WORD: usize = 1024;
 
-/// Largest description of an upload, in bytes.
+/// Largest description of an upload in bytes.
 const MAX_DESCRIPTION: u64 = 16 << 20;
 
-/// What was uploaded.
+/// A new upload.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Uploaded {
     id: String,
@@ -43,42 +43,46 @@ pub struct Uploaded {
     bytes: u64,
 }
 
-/// Photographs as form parts `file` with their names, and their description as the part `frames` (a frames.json);
-/// without it the analyser's angles are read from the names, as `045.png`, and colour files' green is used. Where the part
-/// `kind`, which comes first, is `photographs`, they stand for themselves: exposures of one view, or single photographs. With `surface`
-/// there is one part `file`: a height field, which may be a grid of numbers as text as well. With `maps` they are `orientation.exr`,
-/// `period.exr` or both. With `scene` they are one scene (TOML) and the files that it names, beside each other; or `gallery` names a scene to
-/// start from; or `result` names a reconstruction or session whose orientation.exr, period.exr and lut.exr are put beside the scene, or laid on
-/// a sheet if there is none.
+/// Form parts of an upload. `kind` comes first.
+///
+/// - `polarization`: photographs as parts `file` with their names, and their description as part `frames` (a
+///   frames.json). Without `frames`, names such as `045.png` give the analyser angles, and colour files use green.
+/// - `photographs`: exposures of one view, or single photographs.
+/// - `surface`: one part `file`, a height field, which may be a text grid of numbers.
+/// - `maps`: `orientation.exr`, `period.exr` or both.
+/// - `scene`: one scene (TOML) and the files that it names. Alternatively `gallery` names an initial scene, or
+///   `result` a reconstruction or session. Its orientation.exr, period.exr and lut.exr are added to the scene; without
+///   a scene, they cover a flat sheet.
 #[derive(ToSchema)]
 #[allow(dead_code, reason = "describes the form")]
 pub struct Form {
     /// `polarization` (the default), `photographs`, `surface`, `maps` or `scene`.
     kind: Option<String>,
-    /// At most 200 characters. Without it, the name is derived from the files, `gallery` or `result`.
+    /// At most 200 characters. Default: derived from the files, `gallery` or `result`.
     name: Option<String>,
-    /// Of the kind `scene`: `cd`, `phone`, `tv`, `star-paper`, `kinematic-tile`, `logo`, `emblem`, `spiral-foil`, `rolled` or `snake`, or one of
-    /// them with `-room` for an environment instead of small lights.
+    /// For `scene`: `cd`, `phone`, `tv`, `star-paper`, `kinematic-tile`, `logo`, `emblem`, `spiral-foil`, `rolled` or
+    /// `snake`. With `-room` appended, an environment map replaces the small light sources.
     gallery: Option<String>,
-    /// Of the kind `scene`: an id.
+    /// For `scene`: id of a reconstruction or session.
     result: Option<String>,
-    /// A frames.json; without `transfer`, that which the files state is taken, or the usual one of their type.
+    /// A frames.json. Default of its `transfer`: as stated in the files, or else the usual transfer function of their
+    /// type.
     frames: Option<String>,
     #[schema(value_type = Vec<String>, format = Binary)]
     file: Vec<Vec<u8>>,
 }
 
 impl App {
-    /// Folder of an upload.
+    /// Folder of an upload, whether it exists or not.
     ///
     /// # Errors
-    /// `not-found` for what is no id.
+    /// `not-found` for an invalid id.
     pub fn upload_folder(&self, id: &str) -> Answer<PathBuf> {
         super::check_id(id)?;
         Ok(self.config.data.join("uploads").join(id))
     }
 
-    /// Folder of an upload.
+    /// Folder of an existing upload.
     ///
     /// # Errors
     /// `not-found` when there is none.
@@ -88,7 +92,7 @@ impl App {
     }
 }
 
-/// Uploads photographs; `POST /api/v1/reconstructions` then makes maps of them.
+/// Uploads photographs; `POST /api/v1/reconstructions` then computes maps from them.
 #[utoipa::path(post, path = "/api/v1/uploads", tag = "reconstructions", operation_id = "upload",
     request_body(content = Form, content_type = "multipart/form-data"),
     responses((status = 201, body = Uploaded), (status = 400, body = Problem), (status = 413, body = Problem)))]
@@ -100,11 +104,11 @@ pub async fn upload(
     let form = form.map_err(|e| Problem::bad(e.body_text()))?;
     let id = super::new_id();
     let target = app.upload_folder(&id)?;
-    // Half an upload is none: the folder goes with this request unless all of it came.
+    // An incomplete upload is deleted: the folder is removed with this request.
     let folder = TemporaryFolder::new(&app.config.data.join("uploads"), id.as_ref()).map_err(refused)?;
     let (files, bytes) = receive(&app, &activity, form, folder.path()).await?;
     std::fs::rename(folder.path(), &target).map_err(refused)?;
-    // It is not there under this name any more.
+    // The folder has been renamed to its final place.
     folder.keep();
     let name = blocking(move || Ok(naming::of_upload(&target))).await?;
     Ok((StatusCode::CREATED, Json(Uploaded { id, name, files, bytes })).into_response())
@@ -117,19 +121,19 @@ fn refused(error: std::io::Error) -> Problem {
 /// Names of photographs.
 #[derive(Deserialize, ToSchema)]
 pub struct Names {
-    /// In any order.
+    /// Names in any order.
     #[schema(example = json!(["000.png", "045.png", "090.png", "135.png"]))]
     names: Vec<String>,
 }
 
-/// Analyser angles that names hold.
+/// Analyser angles from names.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Angles {
-    /// In degrees, in the order of the names.
+    /// Angles in degrees, in the order of the names.
     angles_deg: Vec<f64>,
 }
 
-/// Reads analyser angles in the names of photographs, as an upload without `frames` does.
+/// Reads analyser angles from names of photographs, as an upload without `frames` does.
 #[utoipa::path(post, path = "/api/v1/uploads/angles", tag = "reconstructions", operation_id = "angles_in_names",
     request_body = Names, responses((status = 200, body = Angles), (status = 400, body = Problem)))]
 pub async fn angles(Body(Names { names }): Body<Names>) -> Answer<Json<Angles>> {
@@ -188,7 +192,7 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
         return Err(Problem::bad("the form holds no photograph").remedy("send parts named file with file names"));
     }
     let folder = folder.to_path_buf();
-    // All of it is here: it counts among the requests that are worked on, and waits for its turn.
+    // The body is complete: from here the request counts as work, and waits for a place.
     let _work = activity.work();
     let _place = app.requests.acquire().await;
     app.heavy
@@ -196,7 +200,7 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
             match what {
                 What::Polarization => describe(&folder)?,
                 What::Photographs => decodable(&folder)?,
-                // Its scale is not known before it is asked for a BRDF, which reads it.
+                // The scale may be missing: the operation on the height field needs and checks it.
                 What::Surface => {}
                 What::Maps => Maps::read(&folder).map(drop)?,
                 What::Scene => (files, bytes) = scenes::complete(&folder)?,
@@ -209,12 +213,12 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
         .await
 }
 
-/// What an upload holds.
+/// Kind of an upload.
 #[derive(Clone, Copy, PartialEq)]
 enum What {
-    /// Photographs at angles of an analyser, with or without their description.
+    /// Photographs at several analyser angles, with or without description.
     Polarization,
-    /// Photographs that stand for themselves.
+    /// Photographs without analyser angles.
     Photographs,
     /// A height field.
     Surface,
@@ -224,7 +228,7 @@ enum What {
     Scene,
 }
 
-/// Plain names of photographs only, or of height fields, so that nothing is written elsewhere.
+/// Accepts plain names with the extensions of this kind, so that nothing is written outside the folder.
 fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
     match field.name() {
         Some("frames") if matches!(what, What::Photographs | What::Polarization) => return Ok(FILE_NAME.into()),
@@ -271,7 +275,7 @@ async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
     Ok(bytes)
 }
 
-/// A short text.
+/// Reads a short text part.
 async fn word(mut field: Field<'_>) -> Answer<String> {
     let mut word = vec![];
     while word.len() < LONGEST_WORD {
@@ -301,7 +305,7 @@ fn clip(text: &str) -> String {
     text.chars().take(80).collect()
 }
 
-/// Photographs that stand for themselves: each must be one.
+/// Checks that each file can be decoded as a photograph.
 fn decodable(folder: &Path) -> Answer<()> {
     if folder.join(FILE_NAME).exists() {
         load(folder)?;
@@ -313,7 +317,7 @@ fn decodable(folder: &Path) -> Answer<()> {
     })
 }
 
-/// Makes the description if there is none, and checks the whole as a reconstruction does.
+/// Writes a missing description, and checks the whole as a reconstruction does.
 fn describe(folder: &Path) -> Answer<()> {
     let path = folder.join(FILE_NAME);
     let text = if path.exists() {

@@ -1,4 +1,4 @@
-//! A result as a viewer takes it: `/api/v1/reconstructions/{id}/view`.
+//! Results as data of the viewer: `/api/v1/reconstructions/{id}/view`.
 
 use super::problem::{Answer, Problem};
 use super::{App, At, Params, files, maps};
@@ -19,66 +19,68 @@ use std::path::Path;
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
 
-/// Most pixels of a map along a side: textures that every browser takes.
+/// Longest side of a map in pixels, a texture size that every browser supports.
 const MOST: usize = 2048;
 
-/// Longer side of the sample in mm where nobody says; no result knows its size.
+/// Longer side of the sample in mm if the request does not give it; results do not contain it.
 const SIDE_MM: f64 = 100.0;
 
-/// Half the field of view around a sample of that size.
+/// Half the field of view in degrees around a sample of [`SIDE_MM`].
 const FOV_DEG: f64 = 7.0;
 
-/// Error of sums over orders and wavelengths, at best.
+/// Smallest error of the sums over orders and wavelengths.
 const ERROR: f64 = 1e-3;
 
-/// Longest state of a view.
+/// Longest state of a view in characters.
 const STATE: usize = 1000;
 
-/// What the sample is assumed to be, and its light.
+/// Assumed surface and illumination of the sample.
 #[derive(Debug, Default, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct Look {
-    /// Depth of the grating in µm.
+    /// Peak-to-peak depth of the grating in µm (default 0.1).
     #[param(minimum = 0, maximum = 5)]
     depth_um: Option<f64>,
-    /// Its period, where no map has it.
+    /// Period of the grating in µm, where no map gives it (default 1).
     #[param(minimum = 0.05, maximum = 200)]
     period_um: Option<f64>,
-    /// Its cross-section.
+    /// Cross-section of the grooves (default `sinusoid`).
     #[param(inline)]
     profile: Option<Section>,
-    /// perfect, schlick=R0, or a metal.
+    /// Reflectance: `perfect`, `schlick=R0`, or a metal (default `aluminium`).
     #[param(example = "aluminium")]
     reflectance: Option<String>,
-    /// Name of the light's spectrum.
+    /// Name of the spectrum of the light (default `D65`).
     #[param(example = "D65")]
     spectrum: Option<String>,
-    /// Standard deviation of the light's size.
+    /// Standard deviation of the light's size in mm (default 10).
     #[param(minimum = 0, maximum = 100)]
     light_sigma_mm: Option<f64>,
-    /// Longer side of the sample.
+    /// Longer side of the sample in mm (default 100).
     #[param(minimum = 10, maximum = 500)]
     side_mm: Option<f64>,
-    /// What follows the question mark in a link to the view, for a file that begins with it.
+    /// Query string of a view link, which the exported file opens with.
     #[param(max_length = 1000)]
     state: Option<String>,
 }
 
-/// A cross-section by name.
+/// Cross-section by name.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Section {
-    /// Half a wave and half a wave.
+    /// Sinusoidal grooves.
     Sinusoid,
-    /// A saw's teeth.
+    /// Sawtooth grooves.
     Blazed,
-    /// Ridges as wide as grooves.
+    /// Ridges as wide as the grooves.
     Rectangular,
 }
 
-/// A result as uniforms and textures of the viewer's shaders: the length of a header (32 bits, little-endian), the header (JSON), and 32-bit
-/// floats. Results with an orientation or a lookup table have one.
+/// A result as uniforms and textures of the viewer's shaders.
+///
+/// Format: length of the header (32 bits, little-endian), header (JSON), and 32-bit floats. Results with an
+/// orientation map or a lookup table have a view.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/view", tag = "reconstructions", operation_id = "view",
     params(("id" = String, Path), Look),
     responses((status = 200, content(([u8] = "application/octet-stream"))),
@@ -89,7 +91,7 @@ pub async fn view(State(app): State<Arc<App>>, At(id): At<String>, Params(look):
     Ok(([(header::CONTENT_TYPE, files::BYTES)], bytes).into_response())
 }
 
-/// The same with the viewer, as one file that opens from disk.
+/// The view and the viewer as one HTML file that opens from disk.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/view.html", tag = "reconstructions", operation_id = "view_file",
     params(("id" = String, Path), Look),
     responses((status = 200, content((String = "text/html"))), (status = 400, body = Problem), (status = 404, body = Problem)))]
@@ -101,10 +103,10 @@ pub async fn file(State(app): State<Arc<App>>, At(id): At<String>, Params(look):
     Ok((headers, page).into_response())
 }
 
-/// A result folder as one file that opens from disk.
+/// A result folder as one HTML file that opens from disk.
 ///
 /// # Errors
-/// For what the viewer does not show.
+/// Results that the viewer does not support.
 pub fn page(title: &str, folder: &Path, look: &Look) -> Answer<Vec<u8>> {
     let bytes = bytes(folder, look)?;
     let state = look.state.as_deref().unwrap_or_default();
@@ -117,7 +119,7 @@ fn bytes(folder: &Path, look: &Look) -> Answer<Vec<u8>> {
     Ok(Prepared::new(&scene, folder, ERROR, MOST, &Silent)?.bytes())
 }
 
-/// Whether numbers are in the ranges that the interface states.
+/// Checks that numbers are in the ranges of the OpenAPI document.
 fn check(look: &Look) -> Answer<()> {
     if look.state.as_ref().is_some_and(|state| state.chars().count() > STATE) {
         return Err(Problem::bad(format!("state is longer than {STATE} characters")));
@@ -136,7 +138,7 @@ fn check(look: &Look) -> Answer<()> {
     Ok(())
 }
 
-/// A result as a scene: a plane of its proportions under a point light.
+/// A result as a scene: a plane of its aspect ratio under a point light.
 fn scene(folder: &Path, look: &Look) -> Answer<Scene> {
     let longer = look.side_mm.unwrap_or(SIDE_MM);
     let (diffraction, size) = match files::inside(folder, "orientation.exr") {
@@ -161,7 +163,7 @@ fn scene(folder: &Path, look: &Look) -> Answer<Scene> {
         position: [0.0, 0.0, 500.0],
         target: [0.0; 3],
         up: [0.0, 1.0, 0.0],
-        // The sample fills the picture, however large it is.
+        // The sample fills the picture, whatever its size.
         fov_deg: 2.0 * (FOV_DEG.to_radians().tan() * longer / SIDE_MM).atan().to_degrees(),
         width: 512,
         height: 512,
@@ -201,14 +203,14 @@ fn scene(folder: &Path, look: &Look) -> Answer<Scene> {
     })
 }
 
-/// Whether the periods of a result are an order and no lengths, as its report says.
+/// Whether the report marks the periods as heuristic: an ordering without scale.
 fn heuristic(folder: &Path) -> bool {
     let report = files::report(folder).unwrap_or_default();
     let report: serde_json::Value = serde_json::from_slice(&report).unwrap_or_default();
     report["period"]["heuristic"] == true
 }
 
-/// The maps as a grating; heuristic periods are no lengths, so that a period has to be assumed there.
+/// The maps as a grating. Heuristic periods have no scale, so they are replaced by an assumed period.
 fn grating(folder: &Path, look: &Look) -> Answer<Diffraction> {
     let periods = files::inside(folder, "period.exr").is_ok() && look.period_um.is_none() && !heuristic(folder);
     let reflectance: Reflectance =

@@ -1,5 +1,5 @@
-//! The computations of the service: jobs, and the results at the end of a session. Each runs in a process of its own
-//! ([`nacre_base::contained`]), so that neither the bench nor anybody's request depends on how it ends.
+//! Computations of the service: jobs, and the results at the end of a session. Each runs in a separate process
+//! ([`nacre_base::contained`]), so that a crash affects neither the bench nor other requests.
 
 use super::methods;
 use super::renders::{Glimpse, Renders};
@@ -16,29 +16,29 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a process is to compute.
+/// Task of a process.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Task {
     /// A job of the queue.
     Job {
-        /// The service's data folder.
+        /// Data folder of the service.
         data: PathBuf,
         /// The job.
         spec: Box<Spec>,
     },
-    /// The results that a session's plan asks for, from its stored frames.
+    /// Results that a session's plan requests, computed from its stored frames.
     Session(PathBuf),
 }
 
 impl Task {
-    /// The key of a task in the order to the process.
+    /// Key of a task in the process's input.
     pub const KEY: &str = "service";
 
-    /// Does it in this process.
+    /// Runs the task in this process.
     ///
     /// # Errors
-    /// As the computation answers.
+    /// Those of the computation.
     pub fn perform(&self, link: &Link) -> Result<Part, Error> {
         match self {
             Self::Job { data, spec } => methods::perform(data, spec, link)?,
@@ -47,7 +47,7 @@ impl Task {
         Ok(Part::default())
     }
 
-    /// The folder that it fills.
+    /// Folder of the results.
     fn results(&self) -> PathBuf {
         match self {
             Self::Job { data, spec } => result_folder(data, &spec.id),
@@ -55,12 +55,12 @@ impl Task {
         }
     }
 
-    /// Has a process do it. Results are there whole or not at all, however it ends.
+    /// Runs the task in a new process. Results appear completely or not at all.
     fn run(&self, progress: &dyn Progress, shown: &mut dyn FnMut(Part)) -> Result<(), Error> {
         let limits = Limits { memory: budget::allowed(), processor_s: None, background: true };
         let ended = contained::run(json!({ Self::KEY: self }), limits, progress, shown);
         ended.map(drop).map_err(|ended| {
-            // A process that was killed leaves what it had begun.
+            // A killed process leaves incomplete results.
             sweep_unfinished(&self.results());
             match ended {
                 Ended::Error(error) => error,
@@ -86,7 +86,7 @@ fn remedy(death: &Death) -> &'static str {
     }
 }
 
-/// Has a process do the jobs of the queue; pictures of renderings go to `renders`.
+/// Runs queued jobs in processes; pictures of renderings go to `renders`.
 pub fn jobs(data: PathBuf, renders: Arc<Renders>) -> Work {
     Arc::new(move |spec: &Spec, progress: &dyn Progress| {
         let task = Task::Job { data: data.clone(), spec: Box::new(spec.clone()) };
@@ -100,10 +100,10 @@ pub fn jobs(data: PathBuf, renders: Arc<Renders>) -> Work {
     })
 }
 
-/// Has a process make the results of a session.
+/// Computes the results of a session in a process.
 ///
 /// # Errors
-/// As the computation answers.
+/// Those of the computation.
 pub fn session(folder: &Path, progress: &dyn Progress) -> Result<(), Failure> {
     Ok(Task::Session(folder.into()).run(progress, &mut |_| ())?)
 }
