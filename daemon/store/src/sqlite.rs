@@ -1,4 +1,4 @@
-//! Properties of SQLite that catalogue and job queue share.
+//! SQLite settings and errors shared by catalogue and job queue.
 
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
 use sqlx::{Connection, SqliteConnection};
@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::time::Duration;
 
-/// SQLite's primary result codes.
+/// Primary result codes of SQLite.
 pub(crate) const ERROR: i32 = 1;
 pub(crate) const BUSY: i32 = 5;
 const READ_ONLY: i32 = 8;
@@ -22,28 +22,29 @@ pub(crate) fn primary_code(error: &sqlx::Error) -> Option<i32> {
     Some(extended & 0xff)
 }
 
-/// Whether a database holds nothing yet.
+/// Whether a database has no tables.
 pub(crate) async fn is_new(connection: &mut SqliteConnection) -> sqlx::Result<bool> {
     let empty = "SELECT user_version = 0 AND NOT EXISTS (SELECT 1 FROM sqlite_schema) FROM pragma_user_version";
     sqlx::query_scalar(empty).fetch_one(connection).await
 }
 
-/// Connections of one file.
+/// Most connections to one file.
 const CONNECTIONS: u32 = 4;
 
-/// Room that SQLite needs to open a file in WAL mode, and somewhat more, in bytes.
+/// Bytes that SQLite needs to open a file in WAL mode, with a margin.
 const ROOM: usize = 64 << 10;
 
-/// How long one process waits for another.
+/// Longest wait for another process.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Pages of 4 KiB that the write-ahead log may have before they are moved into the file. SQLite's usual 1000 fill a small disk.
+/// Size of the write-ahead log, in pages of 4 KiB, at which it is merged into the file. SQLite's default, 1000, fills
+/// a small disk.
 const LOG_PAGES: &str = "64";
 
-/// Largest write-ahead log after that, in bytes.
+/// Largest write-ahead log after a merge, in bytes.
 const LOG_BYTES: &str = "262144";
 
-/// Options of a file that may be new.
+/// Options of a file that may not exist yet.
 pub(crate) fn options(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new()
         .filename(path)
@@ -53,20 +54,20 @@ pub(crate) fn options(path: &Path) -> SqliteConnectOptions {
         .pragma("journal_size_limit", LOG_BYTES)
 }
 
-/// A pool without connections that are left within a transaction: when its begin, commit or rollback failed, as on a full disk, the
-/// connection would refuse every later one.
+/// A connection pool that discards connections in an open transaction. They remain when begin, commit or rollback
+/// fails, as on a full disk, and refuse every later transaction.
 pub(crate) fn pool() -> SqlitePoolOptions {
     SqlitePoolOptions::new().max_connections(CONNECTIONS).after_release(|connection, _| {
         Box::pin(async move {
-            // A rollback may still be on its way.
+            // A rollback may still be pending; the ping waits for it.
             connection.ping().await?;
             Ok(!connection.is_in_transaction())
         })
     })
 }
 
-/// The system's reason for an error of SQLite, which has one code for a full disk, a read-only one and too many open files when it
-/// opens a file.
+/// The system's error behind an SQLite error. When opening a file, SQLite has one code for a full disk, a read-only
+/// disk and too many open files.
 pub(crate) fn cause(path: &Path, error: sqlx::Error) -> io::Error {
     match primary_code(&error) {
         Some(FULL) => io::ErrorKind::StorageFull.into(),
@@ -75,7 +76,7 @@ pub(crate) fn cause(path: &Path, error: sqlx::Error) -> io::Error {
     }
 }
 
-/// What the user can do about it; `otherwise` for causes that say no more.
+/// Remedy for the user; `otherwise` for causes without a specific remedy.
 pub(crate) fn remedy(cause: &io::Error, otherwise: &'static str) -> &'static str {
     match cause.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "free some space",
@@ -85,7 +86,7 @@ pub(crate) fn remedy(cause: &io::Error, otherwise: &'static str) -> &'static str
     }
 }
 
-/// Tries to write to a database and beside it.
+/// Tests whether a database and its folder can be written.
 fn writable(path: &Path) -> io::Result<()> {
     File::options().append(true).create(true).open(path)?;
     let beside = path.with_extension(format!("{}.room", std::process::id()));
@@ -105,7 +106,7 @@ mod tests {
         sqlx::raw_sql("CREATE TABLE t (x)").execute(&pool).await.unwrap();
         for _ in 0..3 {
             let mut transaction = pool.begin_with("BEGIN IMMEDIATE").await.unwrap();
-            // The file may not grow: for SQLite the disk is full, and it ends the transaction by itself.
+            // SQLite reports a file that may not grow as a full disk, and ends the transaction.
             sqlx::raw_sql("PRAGMA max_page_count = 1").execute(&mut *transaction).await.unwrap();
             let large = sqlx::raw_sql("INSERT INTO t VALUES (zeroblob(100000))").execute(&mut *transaction).await;
             assert_eq!(primary_code(&large.unwrap_err()), Some(FULL));

@@ -1,5 +1,5 @@
-//! The catalogue: an index of session folders that can be searched. The folders are the truth; the catalogue can be
-//! deleted and rebuilt from them at any time.
+//! Catalogue: a searchable index of session folders. The folders are authoritative; the catalogue can be deleted and
+//! rebuilt from them at any time.
 
 mod row;
 mod search;
@@ -20,10 +20,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Marks the file as a catalogue ("Nacr"); the same numbers stand in `SCHEMA`.
+/// SQLite application id of a catalogue ("Nacr"); the same number is in `SCHEMA`.
 const APPLICATION: i64 = 0x4e61_6372;
 const VERSION: i64 = 1;
-/// `seq` grows with every change of a row and is never used twice; `id` belongs to the folder and outlives a rebuild.
+/// `seq` grows with every change of a row and is never reused; `id` is derived from the folder and survives a rebuild.
 const SCHEMA: &str = "
     CREATE TABLE session (
         seq INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -46,28 +46,28 @@ const SCHEMA: &str = "
     PRAGMA user_version = 1;";
 const REBUILD: &str = "give another --catalogue, or delete it and run `nacre catalogue rebuild DIR`";
 
-/// An open catalogue. Several processes can use one at a time.
+/// An open catalogue. Several processes can use it at the same time.
 pub struct Catalogue {
     path: PathBuf,
     pool: SqlitePool,
 }
 
-/// What a rebuild found.
+/// Result of a rebuild.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Rebuilt {
-    /// Sessions in the catalogue now.
+    /// Number of sessions in the catalogue.
     pub sessions: usize,
-    /// Folders that were left out, and why.
+    /// Omitted folders, with reasons.
     pub warnings: Vec<String>,
 }
 
 impl Catalogue {
-    /// Opens a catalogue; makes it and its folder where there is none.
+    /// Opens a catalogue; creates it and its folder if missing.
     ///
     /// # Errors
-    /// `Input` when the file is no catalogue of this version; `Output` when it cannot be made or used.
+    /// `Input` when the file is not a catalogue of this version; `Output` when it cannot be created or used.
     pub async fn open(path: &Path) -> Result<Self, Error> {
-        // An absolute path is never taken for one of SQLite's special names, such as `:memory:`.
+        // An absolute path cannot be one of SQLite's special names, such as `:memory:`.
         let path = std::path::absolute(path).map_err(|e| Error::file(path, e, "give another --catalogue"))?;
         if let Some(parent) = path.parent() {
             std::fs::create_dir_all(parent).map_err(|e| unusable(&path, e))?;
@@ -78,25 +78,25 @@ impl Catalogue {
         Ok(catalogue)
     }
 
-    /// A catalogue in memory, for as long as a full disk does not allow for a file.
+    /// A catalogue in memory, while a full disk prevents a file.
     ///
     /// # Errors
-    /// `Output` when there is no memory for it.
+    /// `Output` when memory is exhausted.
     pub async fn in_memory() -> Result<Self, Error> {
         let options = SqliteConnectOptions::new().in_memory(true);
-        // The database is gone with its connection, so that there is one, which stays.
+        // The database exists only in its connection, so there is a single one, which stays open.
         let pool = sqlite::pool().max_connections(1).idle_timeout(None).max_lifetime(None);
         let catalogue = Self { path: "catalogue in memory".into(), pool: pool.connect_lazy_with(options) };
         catalogue.prepare().await?;
         Ok(catalogue)
     }
 
-    /// Makes the tables in a new file and refuses a file that is something else.
+    /// Creates the tables in a new file and refuses other files.
     async fn prepare(&self) -> Result<(), Error> {
         let end = Instant::now() + sqlite::PATIENCE;
         let (application, version) = loop {
             match self.make_tables().await {
-                // SQLite does not wait for the lock that the change to WAL takes.
+                // SQLite does not wait for the lock that the change to WAL needs.
                 Err(e) if primary_code(&e) == Some(BUSY) && Instant::now() < end => {
                     tokio::time::sleep(Duration::from_millis(20)).await;
                 }
@@ -113,13 +113,13 @@ impl Catalogue {
         }
     }
 
-    /// Makes the tables in a new file; returns whose file it is and its version.
+    /// Creates the tables in a new file; returns the file's application id and version.
     async fn make_tables(&self) -> sqlx::Result<(i64, i64)> {
         let mut connection = self.pool.acquire().await?;
         if is_new(&mut connection).await? {
             sqlx::raw_sql("PRAGMA journal_mode = WAL").execute(&mut *connection).await?;
             let mut transaction = connection.begin_with("BEGIN IMMEDIATE").await?;
-            // Another process may have been faster.
+            // Another process may have created them meanwhile.
             if is_new(&mut transaction).await? {
                 sqlx::raw_sql(SCHEMA).execute(&mut *transaction).await?;
             }
@@ -129,7 +129,7 @@ impl Catalogue {
         sqlx::query_as(header).fetch_one(&mut *connection).await
     }
 
-    /// Adds a session, or replaces what is known of it.
+    /// Adds or replaces a session.
     ///
     /// # Errors
     /// `Input` when the catalogue is damaged, `Output` when it cannot be written.
@@ -144,12 +144,14 @@ impl Catalogue {
         transaction.commit().await
     }
 
-    /// Replaces the whole catalogue by the sessions under these folders, at most eight levels deep; symbolic links are
-    /// not followed. Sessions that are put meanwhile stay.
+    /// Replaces the whole catalogue by the sessions under these folders, at most eight levels deep.
+    ///
+    /// Symbolic links are not followed. Sessions that are added meanwhile are kept. If it fails, the catalogue is
+    /// unchanged.
     ///
     /// # Errors
-    /// `Input` when a root is no folder or the catalogue is damaged, `Output` when it cannot be written, `Cancelled`;
-    /// the catalogue is then as before.
+    /// `Input` when a root is not a folder or the catalogue is damaged, `Output` when it cannot be written,
+    /// `Cancelled`.
     pub async fn rebuild(&self, roots: &[PathBuf], progress: &dyn Progress) -> Result<Rebuilt, Error> {
         let newest = sqlx::query_scalar("SELECT COALESCE(MAX(seq), 0) FROM session").fetch_one(&self.pool);
         let newest: i64 = newest.await.map_err(|e| self.fault(e))?;
@@ -168,7 +170,7 @@ impl Catalogue {
         transaction.commit().await
     }
 
-    /// Forgets a session.
+    /// Removes a session.
     ///
     /// # Errors
     /// `Input` when the catalogue is damaged, `Output` when it cannot be written.
@@ -182,10 +184,10 @@ impl Catalogue {
         self.pool.close().await;
     }
 
-    /// What SQLite's answer means to the user.
+    /// Converts an SQLite error into one for the user.
     fn fault(&self, error: sqlx::Error) -> Error {
         match (primary_code(&error), &error) {
-            // The statements are fixed, so an error in one of them is an unexpected table.
+            // The statements are fixed, so an error in one of them means an unexpected table.
             (Some(ERROR | CORRUPT | NOT_A_DATABASE), _) | (_, sqlx::Error::ColumnDecode { .. }) => {
                 Error::file(&self.path, format!("is no intact catalogue: {error}"), REBUILD)
             }
@@ -199,7 +201,7 @@ fn unusable(path: &Path, source: io::Error) -> Error {
     Error::Output { path: path.into(), source, remedy }
 }
 
-/// Where the catalogue is unless the user says otherwise: `NACRE_CATALOGUE`, or in the user's data folder.
+/// Default path of the catalogue: `NACRE_CATALOGUE`, or else a file in the user's data folder.
 ///
 /// # Errors
 /// `Input` when the environment names no such folder.
@@ -212,10 +214,10 @@ pub fn default_path() -> Result<PathBuf, Error> {
         .ok_or_else(|| Error::input("catalogue", "has no place, as HOME is not set", "set NACRE_CATALOGUE"))
 }
 
-/// Opens a catalogue for one piece of work, on a runtime of its own; not to be called from asynchronous code.
+/// Opens a catalogue for one piece of work, on a new runtime. Do not call it from asynchronous code.
 ///
 /// # Errors
-/// As the catalogue and the work answer.
+/// Those of the catalogue and the work.
 pub fn with_catalogue<T>(path: &Path, work: impl AsyncFnOnce(&Catalogue) -> Result<T, Error>) -> Result<T, Error> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_time()
@@ -229,10 +231,10 @@ pub fn with_catalogue<T>(path: &Path, work: impl AsyncFnOnce(&Catalogue) -> Resu
     })
 }
 
-/// Puts a session into the default catalogue; not to be called from asynchronous code.
+/// Adds a session to the default catalogue. Do not call it from asynchronous code.
 ///
 /// # Errors
-/// As reading the session and writing the catalogue answer; the session itself is not touched.
+/// Those of reading the session and of writing the catalogue; the session itself is not changed.
 pub fn note_session(folder: &Path) -> Result<(), Failure> {
     let row = SessionRow::read(folder)?;
     with_catalogue(&default_path()?, async |catalogue| catalogue.put(&row).await)?;

@@ -1,4 +1,4 @@
-//! One session as the catalogue knows it.
+//! A session as stored in the catalogue.
 
 use nacre_base::Error;
 use nacre_capture::naming;
@@ -10,55 +10,55 @@ use sqlx::{Row, SqliteConnection};
 use std::io;
 use std::path::Path;
 
-/// Deepest folder whose files count into a session's size.
+/// Levels of folders whose files count towards a session's size.
 const MAX_DEPTH: usize = 8;
 
-/// What the catalogue keeps of a session.
+/// Entry of the catalogue.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SessionRow {
-    /// Made from the folder's path, so that it outlives a rebuild.
+    /// Derived from the folder's path, so that it survives a rebuild.
     pub id: String,
     /// Canonical path of the session folder.
     pub folder: String,
     /// Name of the session: given, or derived from its plan.
     pub name: String,
-    /// What lay on the table.
+    /// Name of the sample.
     pub sample: String,
-    /// Who measured.
+    /// Name of the operator.
     pub operator: String,
-    /// Anything else.
+    /// Free text.
     pub notes: String,
-    /// What the plan varied, as plans write it.
+    /// Kind of plan, in the spelling of plans.
     pub kind: String,
-    /// How far the session came.
+    /// State of the session.
     pub state: State,
     /// Frames that the plan asks for.
     pub frames_planned: u32,
-    /// Those of them that the journal records.
+    /// Number of planned frames that the journal records.
     pub frames_committed: u32,
-    /// When the session began, in Unix seconds.
+    /// Start of the session in Unix seconds.
     pub created: i64,
-    /// Size of all files in the folder.
+    /// Size of all files in the folder, in bytes.
     pub bytes: u64,
 }
 
-/// How far a session came.
+/// State of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
-    /// It ran to its end.
+    /// Completed.
     Finished,
-    /// It ended early, and the journal says why.
+    /// Ended early; the journal gives the reason.
     Stopped,
-    /// It is still running, or was killed.
+    /// Still running, or killed.
     Unfinished,
 }
 
 impl SessionRow {
-    /// Reads a session folder; its frames are not looked at.
+    /// Reads a session folder without its frames.
     ///
     /// # Errors
-    /// `Input` when it is no session folder or a file in it is damaged.
+    /// `Input` when it is not a session folder or a file in it is damaged.
     pub fn read(folder: &Path) -> Result<Self, Error> {
         let bad = |path: &Path, problem: io::Error| {
             Error::file(path, problem, "give a folder that `nacre capture` made; its frames may still be whole")
@@ -91,7 +91,7 @@ impl SessionRow {
         })
     }
 
-    /// Stores the row unless there is one of this session.
+    /// Stores the row unless this session already has one.
     pub(super) async fn insert(&self, connection: &mut SqliteConnection) -> sqlx::Result<()> {
         let searched = [&self.name, &self.sample, &self.operator, &self.notes, &self.folder];
         let words: Vec<String> = searched.iter().map(|text| text.to_lowercase()).collect();
@@ -138,7 +138,8 @@ impl SessionRow {
     }
 }
 
-/// Size of the files in a folder, links not followed. A running capture renames its files, so a vanished one is no error.
+/// Size of the files in a folder in bytes, without following links. A running capture renames its files, so a vanished
+/// one is no error.
 fn size(folder: &Path, depth: usize) -> io::Result<u64> {
     let mut bytes = 0;
     for entry in std::fs::read_dir(folder)? {

@@ -1,4 +1,4 @@
-//! Searching the catalogue, page by page.
+//! Search of the catalogue, page by page.
 
 use super::{Catalogue, SessionRow, State};
 use nacre_base::Error;
@@ -11,7 +11,7 @@ use std::str::FromStr;
 /// Most sessions in one page.
 const MAX_LIMIT: u32 = 1000;
 
-/// A word of the user is compared as it is, so it needs no escaping. All values are bound.
+/// Words are compared literally, so they need no escaping. All values are bound.
 const SEARCH: &str = "
     SELECT * FROM session
     WHERE NOT EXISTS (SELECT 1 FROM json_each(?1) WHERE instr(words, value) = 0)
@@ -21,18 +21,18 @@ const SEARCH: &str = "
     ORDER BY created DESC, id DESC
     LIMIT ?6";
 
-/// What to look for.
+/// Search criteria and page.
 #[derive(Clone, Debug, Default)]
 pub struct Query {
-    /// Words that must all occur in name, sample, operator, notes or folder; case does not matter.
+    /// Words that must all occur in name, sample, operator, notes or folder; case is ignored.
     pub text: String,
-    /// Only this kind.
+    /// Filter by kind of plan.
     pub kind: Option<PlanKind>,
-    /// Only this state.
+    /// Filter by state.
     pub state: Option<State>,
     /// Most sessions in the page, 1 to 1000.
     pub limit: u32,
-    /// Where the page before ended.
+    /// End of the previous page.
     pub after: Option<Cursor>,
 }
 
@@ -41,11 +41,11 @@ pub struct Query {
 pub struct Page {
     /// The sessions.
     pub sessions: Vec<SessionRow>,
-    /// Where the next page begins; none after the last.
+    /// Start of the next page; none after the last.
     pub next: Option<Cursor>,
 }
 
-/// A place in the order of sessions, written `created.id`. It stays valid whatever is added or removed.
+/// Position in the order of sessions, written `created.id`. It stays valid when sessions are added or removed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cursor {
     created: i64,
@@ -93,7 +93,7 @@ impl Catalogue {
             .bind(query.state.map(word))
             .bind(query.after.as_ref().map(|c| c.created))
             .bind(query.after.as_ref().map(|c| &c.id))
-            // One more tells whether there is another page.
+            // One more row shows whether there is another page.
             .bind(limit as i64 + 1)
             .fetch_all(&self.pool)
             .await?;

@@ -1,4 +1,5 @@
-//! Finding session folders on the disk. Every look at it runs on a thread of its own, so that a server can go on.
+//! Search for session folders on the disk. All file access runs on blocking threads, so that a server stays
+//! responsive.
 
 use super::SessionRow;
 use nacre_base::Error;
@@ -8,13 +9,13 @@ use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Levels below a root that are searched.
+/// Levels of folders below a root that are searched.
 const MAX_DEPTH: usize = 8;
 
-/// Name of the file that a folder has once it is deleted; nothing below it is searched.
+/// Name of the file that marks a deleted folder; nothing below it is searched.
 pub const DELETED_FILE: &str = "deleted.json";
 
-/// Reads all sessions under the roots; also returns what could not be read.
+/// Reads all sessions under the roots. Also returns warnings about unreadable folders.
 pub(super) async fn survey(
     roots: &[PathBuf],
     progress: &dyn Progress,
@@ -43,7 +44,7 @@ pub(super) async fn survey(
     Ok((sessions, warnings))
 }
 
-/// Collects the session folders under a root. Folders inside a session are its own and are not searched.
+/// Collects the session folders under a root. Folders inside a session belong to it and are not searched.
 async fn find(
     root: PathBuf,
     progress: &dyn Progress,
@@ -71,7 +72,7 @@ enum Listing {
     Folders(Vec<PathBuf>),
 }
 
-/// What is in a folder; symbolic links are passed over.
+/// Entries of a folder; symbolic links are skipped.
 fn list(folder: &Path) -> io::Result<Listing> {
     let mut folders = vec![];
     for entry in std::fs::read_dir(folder)? {

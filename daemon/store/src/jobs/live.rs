@@ -1,10 +1,10 @@
-//! The job that is being worked on, as its threads report it.
+//! Live state of the running job, as its threads report it.
 
 use nacre_base::estimate::{Running, Work};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Where the running job is, and whether it is to stop.
+/// Progress of the running job, and its cancellation.
 pub(super) struct Live {
     pub id: String,
     cancelled: AtomicBool,
@@ -26,20 +26,20 @@ impl Live {
         }
     }
 
-    /// The job states its time, memory and disk.
+    /// Records the job's estimate of time, memory and disk.
     pub fn expect(&self, work: &Work) {
         let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
-        // An operation that is part of another one tells its needs, too.
+        // An operation within another one also reports an estimate; only the first counts.
         running.get_or_insert_with(|| Running::begin(work.clone()));
     }
 
-    /// Seconds that are left, once the job has stated its time.
+    /// Remaining time in seconds, once the job has reported its estimate.
     pub fn remaining_s(&self) -> Option<f64> {
         let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
         running.as_ref().map(Running::remaining_s)
     }
 
-    /// It is done.
+    /// Sets the progress to 1.
     pub fn complete(&self) {
         let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(running) = running {
@@ -62,7 +62,7 @@ impl Live {
         self.steps.store(steps, Ordering::Relaxed);
     }
 
-    /// Counts a step; returns whether the progress in whole percents has changed.
+    /// Counts a step; returns whether the progress in whole percent has changed.
     pub fn step(&self) -> bool {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         let steps = self.steps.load(Ordering::Relaxed);
@@ -74,7 +74,7 @@ impl Live {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Share of the stage that is done. A stage without steps has no shares.
+    /// Fraction done of the stage, 0 to 1; 0 for a stage without steps.
     pub fn progress(&self) -> f64 {
         share(self.done.load(Ordering::Relaxed), self.steps.load(Ordering::Relaxed))
     }

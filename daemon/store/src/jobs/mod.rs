@@ -1,14 +1,14 @@
-//! The job queue of the service: work that outlives a request and the process that took it.
+//! Job queue of the service: work that outlives its request and the process that accepted it.
 //!
-//! Everything is in `jobs.db`. The table `nacre_job` holds what a job is and how far it came; the tables of `apalis`
-//! beside it hold *deliveries*, each a message "look at job X" to the worker. A job and its delivery change in one
-//! transaction, and a delivery counts for nothing unless its job is queued, so a job is neither lost nor done twice,
-//! wherever the process is killed. The file has our tables beside those of `apalis`, not in a file of their own,
-//! because SQLite's transactions over two files in WAL mode are not atomic.
+//! All data is in `jobs.db`. The table `nacre_job` holds the jobs and their progress. The tables of `apalis` beside it
+//! hold *deliveries*: messages "look at job X" to the worker. A job and its delivery change in one transaction, and a
+//! delivery has no effect unless its job is queued. Therefore no job is lost or done twice, whenever the process is
+//! killed. Our tables share one file with those of `apalis`, because SQLite's transactions over two files in WAL mode
+//! are not atomic.
 //!
-//! One process at a time works on a folder (a lock that ends with the process). A job found running at the start was
-//! therefore cut off by the end of an earlier process: it is queued again at once, without waiting for a heartbeat to be
-//! missed.
+//! One process at a time works on a folder; its lock ends with the process. A job found running at the start was
+//! therefore interrupted by the end of an earlier process. It is queued again at once, without waiting for a missed
+//! heartbeat.
 
 mod live;
 mod record;
@@ -40,78 +40,79 @@ use tokio::sync::{Mutex, broadcast, watch};
 use tokio::task::JoinHandle;
 use worker::Shared;
 
-/// How often a job is tried before it is set aside.
+/// Number of attempts before a job is set aside.
 pub const MAX_ATTEMPTS: u32 = 3;
-/// A job during which the service died in this attempt, or in a later one, is failed: it may be to blame.
+/// From this attempt on, a job fails when its process dies: the job may be the cause.
 const MAX_CUT_OFF: u32 = 2;
 /// Longest log of a job, in bytes.
 pub const MAX_LOG: usize = 64 * 1024;
-/// Changes that a slow receiver may fall behind.
+/// Number of changes that a slow receiver may fall behind.
 const CHANGES: usize = 256;
 
 /// Operation of a job, with its options and its input.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "spec::Stored")]
 pub struct Spec {
-    /// A ULID, which holds when it was made.
+    /// ULID, which contains the time of submission.
     pub id: String,
-    /// Its name. Jobs of earlier versions have none.
+    /// Name of the job. Jobs of earlier versions have none.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub name: String,
     /// The operation.
     pub operation: Method,
-    /// Its options, by their keys; those that are left out have their defaults.
+    /// Options by key; keys left out have their defaults.
     pub options: Map<String, Value>,
     /// The session to work on.
     pub session: Option<String>,
     /// The upload to work on.
     pub upload: Option<String>,
-    /// Of the operation lut: an extended light.
+    /// For the operation `lut`: an extended source.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light: Option<LightUpload>,
 }
 
-/// Uploaded photographs of a light's mirror image, as `nacre reconstruct lut --light` takes them.
+/// Uploaded photographs of a light's mirror image, in the format of `nacre reconstruct lut --light`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LightUpload {
-    /// An upload: one photograph, or exposures, which are merged.
+    /// Id of an upload: one photograph, or exposures, which are merged.
     pub upload: String,
     /// Half vector per pixel (default: that of the pattern's photograph).
     #[serde(default)]
     pub scale: Option<f64>,
-    /// Its pixel, from the left and the top, that is put where the zero order is (default: the middle of its light).
+    /// Pixel (x from the left, y from the top) that is moved to the zero order. Default: the centroid of the light.
     #[serde(default)]
     pub center: Option<[f64; 2]>,
-    /// How its values grow with light: `linear`, `srgb` or `{"gamma": 2.2}` (default: as those of the pattern's photograph).
+    /// Transfer function of its values: `linear`, `srgb` or `{"gamma": 2.2}` (default: that of the pattern's
+    /// photograph).
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     pub transfer: Option<Transfer>,
 }
 
 impl LightUpload {
-    /// The option `light` of the operation lut.
+    /// Value of the option `light` of the operation `lut`.
     pub fn photograph(&self, uploads: &Path) -> Value {
         let path = uploads.join(&self.upload);
         json!({ "path": path, "scale": self.scale, "center": self.center, "transfer": self.transfer })
     }
 }
 
-/// Where a job is in its life.
+/// State of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JobState {
-    /// It waits for its turn.
+    /// Waiting for its turn.
     Queued,
-    /// It is being worked on.
+    /// In progress.
     Running,
-    /// It succeeded.
+    /// Succeeded.
     Done,
-    /// It cannot succeed: something the user gave cannot be used, its process died, or the service died twice meanwhile.
+    /// Failed permanently: the input cannot be used, its process died, or the service died twice during the job.
     Failed,
-    /// The user stopped it.
+    /// Cancelled by the user.
     Cancelled,
-    /// It failed too often; its log says how.
+    /// Failed [`MAX_ATTEMPTS`] times; the log has the errors.
     SetAside,
 }
 
@@ -119,7 +120,7 @@ impl JobState {
     /// All states.
     pub const ALL: [Self; 6] = [Self::Queued, Self::Running, Self::Done, Self::Failed, Self::Cancelled, Self::SetAside];
 
-    /// The word for it in the database and in JSON.
+    /// Name in the database and in JSON.
     pub fn word(self) -> &'static str {
         match self {
             Self::Queued => "queued",
@@ -138,59 +139,60 @@ impl fmt::Display for JobState {
     }
 }
 
-/// A job as the queue knows it.
+/// A job as stored in the queue.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Job {
-    /// Its ULID.
+    /// ULID of the job.
     pub id: String,
-    /// The session it works on.
+    /// Id of the session it works on.
     pub session: Option<String>,
-    /// The upload it works on.
+    /// Id of the upload it works on.
     pub upload: Option<String>,
-    /// Where it is in its life.
+    /// State of the job.
     pub state: JobState,
-    /// How often it was begun, not counting times that a shutdown put it back.
+    /// Number of attempts, except those that a shutdown interrupted.
     pub attempts: u32,
-    /// Share of the current stage that is done, 0 to 1; 1 once the job is done.
+    /// Fraction done of the current stage, 0 to 1; 1 once the job is done.
     pub progress: f64,
     /// The current or last stage.
     pub stage: String,
-    /// Seconds that are left, of a running job that has checked its input.
+    /// Remaining time in seconds of a running job that has checked its input.
     pub remaining_s: Option<f64>,
-    /// Why the last attempt did not succeed.
+    /// Error of the last attempt, if it failed.
     pub error: Option<String>,
-    /// When it was made, in Unix seconds.
+    /// Time of submission in Unix seconds.
     pub created: u64,
-    /// What it is to do.
+    /// Operation, options and input.
     pub spec: Spec,
 }
 
-/// Does a job, on a thread where it may block.
+/// Function that runs a job, on a thread where it may block.
 pub type Work = Arc<dyn Fn(&Spec, &dyn Progress) -> Result<(), Failure> + Send + Sync>;
 
-/// Why a wish about a job was not fulfilled.
+/// Error of a request about a job.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
-    /// There is no such job.
+    /// The job does not exist.
     #[error("job {0}: does not exist")]
     Unknown(String),
     /// The job's state does not allow it.
     #[error("job {id}: is {state} and cannot be {wish}")]
     State {
-        /// The job.
+        /// Id of the job.
         id: String,
         /// Its state.
         state: JobState,
-        /// What was wished.
+        /// Past participle of the request, such as "cancelled".
         wish: &'static str,
     },
-    /// The queue itself failed.
+    /// Error of the queue.
     #[error(transparent)]
     Queue(#[from] Error),
 }
 
-/// The job queue of one folder, and its worker. Dropping it stops the worker without waiting for it. After a shutdown,
-/// everything answers `Cancelled`.
+/// The job queue of one folder, and its worker.
+///
+/// Dropping it stops the worker without waiting. After a shutdown, all functions return `Cancelled`.
 pub struct Jobs {
     shared: Arc<Shared>,
     stop: watch::Sender<bool>,
@@ -198,12 +200,13 @@ pub struct Jobs {
 }
 
 impl Jobs {
-    /// Opens the queue of a folder, makes it where there is none, and starts working on it: one job at a time, as the
-    /// computation itself uses all cores.
+    /// Opens the queue of a folder, creates it if missing, and starts its worker.
+    ///
+    /// Jobs run one at a time, as the computation itself uses all cores.
     ///
     /// # Errors
-    /// `Input` when another process works on the folder or its file is no intact job queue of this version, `Output` when
-    /// it cannot be made or used.
+    /// `Input` when another process works on the folder, or the file is not an intact job queue of this version;
+    /// `Output` when it cannot be created or used.
     pub async fn open(folder: &Path, work: Work) -> Result<Self, Error> {
         let folder = std::path::absolute(folder).map_err(|e| Error::file(folder, e, "give another folder"))?;
         let lock = worker::lock(&folder).await?;
@@ -216,37 +219,38 @@ impl Jobs {
         Ok(Self { shared, stop, supervisor: Mutex::new(Some(supervisor)) })
     }
 
-    /// Adds a job. Once this returns, the job survives anything.
+    /// Adds a job. Once this returns, the job survives crashes and power failures.
     ///
     /// # Errors
-    /// `Input` when the id is no ULID or taken, otherwise as the database answers.
+    /// `Input` when the id is not a ULID or is taken, otherwise those of the database.
     pub async fn submit(&self, spec: Spec) -> Result<Job, Error> {
         let job = self.shared.store.insert(spec).await?;
         self.shared.queued(&job.id);
         Ok(job)
     }
 
-    /// One job.
+    /// A job by its id.
     ///
     /// # Errors
-    /// As the database answers.
+    /// Those of the database.
     pub async fn get(&self, id: &str) -> Result<Option<Job>, Error> {
         Ok(self.shared.store.get(id).await?.map(|job| self.shared.with_progress(job)))
     }
 
-    /// At most `limit` jobs (500 at most), newest first, after the job `after`; and the `after` of the next page.
+    /// Lists at most `limit` jobs (500 at most), newest first, after the job `after`. Also returns the `after` of the
+    /// next page.
     ///
     /// # Errors
-    /// As the database answers.
+    /// Those of the database.
     pub async fn list(&self, limit: u32, after: Option<&str>) -> Result<(Vec<Job>, Option<String>), Error> {
         let (jobs, next) = self.shared.store.list(limit.clamp(1, 500), after).await?;
         Ok((jobs.into_iter().map(|job| self.shared.with_progress(job)).collect(), next))
     }
 
-    /// Cancels a job: at once when it is queued; a running one ends as soon as it notices, and until then stays running.
+    /// Cancels a job. A queued job ends at once; a running one stays in the state running until it ends.
     ///
     /// # Errors
-    /// [`Refusal`] when there is no such job or it has ended.
+    /// [`Refusal`] when the job does not exist or has ended.
     pub async fn cancel(&self, id: &str) -> Result<Job, Refusal> {
         let job = self.shared.store.change(id, Record::cancel).await?;
         let job = job.ok_or_else(|| Refusal::Unknown(id.into()))??;
@@ -255,10 +259,10 @@ impl Jobs {
         Ok(self.shared.with_progress(job))
     }
 
-    /// Queues a job that did not succeed again, with all its attempts.
+    /// Queues an unsuccessful job again, with all its attempts.
     ///
     /// # Errors
-    /// [`Refusal`] when there is no such job, or it is done or has not ended yet.
+    /// [`Refusal`] when the job does not exist, has succeeded or has not ended.
     pub async fn retry(&self, id: &str) -> Result<Job, Refusal> {
         let job = self.shared.store.change(id, Record::retry).await?;
         let job = job.ok_or_else(|| Refusal::Unknown(id.into()))??;
@@ -266,20 +270,20 @@ impl Jobs {
         Ok(job)
     }
 
-    /// Forgets a job that has ended, with its log. Its files are the caller's.
+    /// Removes a job that has ended, with its log. The caller deletes its files.
     ///
     /// # Errors
-    /// [`Refusal`] when there is no such job, or it has not ended yet.
+    /// [`Refusal`] when the job does not exist or has not ended.
     pub async fn remove(&self, id: &str) -> Result<(), Refusal> {
         self.shared.store.remove(id).await?;
         self.shared.changed(id);
         Ok(())
     }
 
-    /// Uploads that jobs need, be it what they work on or their light, and the jobs' ids.
+    /// Uploads in use, as inputs or lights of jobs, with the jobs' ids.
     ///
     /// # Errors
-    /// As the database answers.
+    /// Those of the database.
     pub async fn uploads(&self) -> Result<HashMap<String, Vec<String>>, Error> {
         let mut uploads: HashMap<String, Vec<String>> = HashMap::new();
         for (upload, job) in self.shared.store.uploads().await? {
@@ -288,33 +292,34 @@ impl Jobs {
         Ok(uploads)
     }
 
-    /// The first job of a session that is queued or running.
+    /// Id of the first job of a session that is queued or running.
     ///
     /// # Errors
-    /// As the database answers.
+    /// Those of the database.
     pub async fn open_of_session(&self, session: &str) -> Result<Option<String>, Error> {
         self.shared.store.open_of_session(session).await
     }
 
-    /// What happened to a job: lines that begin with the time in UTC. The oldest are dropped beyond [`MAX_LOG`].
+    /// Log of a job: lines that begin with the time in UTC. The oldest are dropped beyond [`MAX_LOG`].
     ///
     /// # Errors
-    /// As the database answers.
+    /// Those of the database.
     pub async fn log(&self, id: &str) -> Result<Option<String>, Error> {
         self.shared.store.log(id).await
     }
 
-    /// The ids of jobs as they change. A receiver that falls behind loses some and should look at all jobs again.
+    /// Receives the ids of jobs as they change. A receiver that falls behind misses some and should read all jobs
+    /// again.
     pub fn changes(&self) -> broadcast::Receiver<String> {
         self.shared.subscribe()
     }
 
-    /// Stops the worker and closes the file; returns once it is closed. A running job is asked to stop and waits for the
-    /// next start, and this attempt does not count.
+    /// Stops the worker and closes the file; returns once it is closed. A running job is interrupted and continues at
+    /// the next start; this attempt does not count.
     pub async fn shutdown(&self) {
         self.stop.send_replace(true);
         if let Some(supervisor) = self.supervisor.lock().await.take() {
-            // A panic of the supervisor ended it as well.
+            // The result is that of the supervisor's task; after a panic it has ended as well.
             let _ = supervisor.await;
         }
     }
@@ -322,7 +327,8 @@ impl Jobs {
 
 impl Drop for Jobs {
     fn drop(&mut self) {
-        // The supervisor may never run again, as when a panic ends the runtime, which then waits for the job's thread.
+        // After a panic that ends the runtime, the supervisor may never run again, while the runtime waits for the
+        // job's thread.
         self.shared.stop();
     }
 }

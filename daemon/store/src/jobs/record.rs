@@ -1,4 +1,4 @@
-//! The life of a job: which change leads from which state to which. Nothing here touches the database.
+//! State machine of a job: the allowed changes of state. It does not use the database.
 
 use super::{Job, JobState, MAX_ATTEMPTS, MAX_CUT_OFF, Refusal};
 use nacre_capture::Failure;
@@ -6,31 +6,31 @@ use nacre_capture::Failure;
 /// A job while a transaction changes it.
 pub(super) struct Record {
     pub job: Job,
-    /// The user wants a running job to end; kept, so that it does not begin again after a kill.
+    /// Cancellation request for a running job; stored, so that the job does not restart after a kill.
     pub cancel: bool,
-    /// What the log is to say.
+    /// Lines to append to the log.
     pub lines: Vec<String>,
-    /// Whether the worker is to be told of it.
+    /// Whether the change delivers the job to the worker.
     pub deliver: bool,
 }
 
-/// How an attempt ended.
+/// End of an attempt.
 pub(super) struct End {
-    /// What the work, or its thread, said.
+    /// Result of the work, or panic of its thread.
     pub result: Result<(), Failed>,
     /// Whether the queue is shutting down.
     pub stopping: bool,
-    /// Where it was.
+    /// Progress at the end, 0 to 1.
     pub progress: f64,
 }
 
-/// Why an attempt did not succeed.
+/// Cause of a failed attempt.
 pub(super) enum Failed {
-    /// It was asked to stop, and did.
+    /// It stopped as requested.
     Cancelled,
-    /// Another attempt would end the same way.
+    /// The input cannot be used: another attempt would fail as well.
     Input(String),
-    /// Anything else.
+    /// Any other error.
     Other(String),
 }
 
@@ -49,12 +49,12 @@ impl Record {
         Self { job, cancel, lines: Vec::new(), deliver: false }
     }
 
-    /// A new job waits for its turn.
+    /// A new job, queued.
     pub fn submitted(job: Job) -> Self {
         Self { job, cancel: false, lines: vec!["queued".into()], deliver: true }
     }
 
-    /// The worker begins a queued job; anything else has been overtaken by events and is left alone.
+    /// The worker begins a queued job. A delivery of a job in any other state is obsolete and changes nothing.
     pub fn begin(&mut self) -> Result<(), Refusal> {
         if self.job.state != JobState::Queued {
             return Err(self.refuse("begun"));
@@ -73,7 +73,7 @@ impl Record {
         Ok(())
     }
 
-    /// The attempt is over.
+    /// Ends the attempt.
     pub fn end(&mut self, end: &End) -> Result<(), Refusal> {
         self.job.progress = end.progress;
         match &end.result {
@@ -105,7 +105,7 @@ impl Record {
         Ok(())
     }
 
-    /// The process that ran the job has ended without a word.
+    /// The process that ran the job ended without a result.
     pub fn cut_off(&mut self) -> Result<(), Refusal> {
         if self.cancel {
             self.turn(JobState::Cancelled, "cancelled");
@@ -120,7 +120,7 @@ impl Record {
         Ok(())
     }
 
-    /// The user does not want the job any more.
+    /// Cancels the job.
     pub fn cancel(&mut self) -> Result<(), Refusal> {
         match self.job.state {
             JobState::Queued => self.turn(JobState::Cancelled, "cancelled before it began"),
@@ -134,7 +134,7 @@ impl Record {
         Ok(())
     }
 
-    /// The user wants the job to be tried again.
+    /// Queues an unsuccessful job again.
     pub fn retry(&mut self) -> Result<(), Refusal> {
         if !matches!(self.job.state, JobState::Failed | JobState::Cancelled | JobState::SetAside) {
             return Err(self.refuse("retried"));
@@ -146,7 +146,7 @@ impl Record {
         Ok(())
     }
 
-    /// Another attempt, if there is one left.
+    /// Starts another attempt, if one is left.
     fn again(&mut self, error: &str) {
         self.error(error);
         if self.job.attempts < MAX_ATTEMPTS {

@@ -1,4 +1,4 @@
-//! Rows of the database.
+//! Rows of the job table.
 
 use super::record::Record;
 use super::{Job, JobState, MAX_LOG, Spec};
@@ -6,7 +6,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection};
 use ulid::Ulid;
 
-/// Adds a line to a job's log, and drops the oldest ones that are too many.
+/// Appends a line to a job's log, and drops the oldest lines beyond [`MAX_LOG`].
 pub(super) async fn append(connection: &mut SqliteConnection, id: &str, line: &str) -> sqlx::Result<()> {
     // One entry is one line.
     let line = line.replace(['\n', '\r'], " ");
@@ -20,7 +20,7 @@ pub(super) async fn append(connection: &mut SqliteConnection, id: &str, line: &s
     Ok(())
 }
 
-/// The newest whole lines of a log that has become too long, or as much as fits of the last one.
+/// The newest whole lines of a log within its length limit, or the end of the last line.
 fn newest(log: &str) -> &str {
     let tail = &log[log.ceil_char_boundary(log.len() - MAX_LOG)..];
     match tail.split_once('\n') {

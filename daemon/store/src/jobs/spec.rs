@@ -1,4 +1,4 @@
-//! Jobs as earlier versions stored and asked for them.
+//! Jobs and requests in the formats of earlier versions.
 
 use super::{LightUpload, Spec};
 use nacre_capture::plan::Method;
@@ -6,7 +6,7 @@ use nacre_polarimetry::{Options, PeriodMethod};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-/// A job as it is stored. Earlier versions call the operation `method`, and have options of polarization beside it.
+/// A stored job. Earlier versions named the operation `method`, with options of polarization beside it.
 #[derive(Deserialize)]
 pub(super) struct Stored {
     id: String,
@@ -36,7 +36,7 @@ impl TryFrom<Stored> for Spec {
     }
 }
 
-/// Keys of polarization that stood beside the operation.
+/// Options of polarization that stood beside the operation.
 const KEYS: [&str; 10] = [
     "model",
     "align",
@@ -50,17 +50,17 @@ const KEYS: [&str; 10] = [
     "no_scale_bar",
 ];
 
-/// Options of polarization from the keys that stood beside the operation; null and an empty model are the defaults.
+/// Options of polarization from the keys beside the operation; null and an empty model mean the defaults.
 ///
 /// # Errors
-/// A sentence, for a `period` that is none.
+/// A sentence for an invalid `period`.
 pub fn polarization_options(keys: Map<String, Value>) -> Result<Map<String, Value>, String> {
     let mut options = Map::new();
     for (key, value) in keys {
         let given = !value.is_null() && value != "";
         if key == "period" && given {
             let method = PeriodMethod::deserialize(value).map_err(|e| format!("period: {e}"))?;
-            // Plain data always serialises.
+            // Serialization of plain data cannot fail.
             let with = serde_json::to_value(Options::default().with_period(&method)).unwrap_or_default();
             let of_period = |key: &str| !KEYS.contains(&key);
             options.extend(with.as_object().cloned().unwrap_or_default().into_iter().filter(|(key, _)| of_period(key)));
@@ -80,7 +80,7 @@ mod tests {
         from_value(stored.clone()).unwrap()
     }
 
-    /// As versions stored jobs: with options of polarization alone, with the operation as `method`, and as they are now.
+    /// Formats of stored jobs: options of polarization only, the operation as `method`, and the current one.
     #[test]
     fn jobs_of_every_version_are_read() {
         let first = json!({ "id": "1", "session": "s", "upload": null, "model": "", "offset_deg": 1.5 });

@@ -1,4 +1,4 @@
-//! The database: jobs in `nacre_job`, deliveries in the tables of `apalis`.
+//! Database access: jobs in `nacre_job`, deliveries in the tables of `apalis`.
 
 use super::record::Record;
 use super::row::{append, job, read};
@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use ulid::{Generator, Ulid};
 
-/// The name of our deliveries among those of `apalis`.
+/// Name of our deliveries in the tables of `apalis`.
 pub(super) const QUEUE: &str = "nacre";
-/// Marks the file as a job queue ("NacJ"); the same number stands in `SCHEMA`.
+/// SQLite application id of a job queue ("NacJ"); the same number is in `SCHEMA`.
 const APPLICATION: i64 = 0x4e61_634a;
 const VERSION: i64 = 1;
 const SCHEMA: &str = "
@@ -35,21 +35,21 @@ const SCHEMA: &str = "
     PRAGMA application_id = 0x4e61634a;
     PRAGMA user_version = 1;";
 const COLUMNS: &str = "id, spec, state, attempts, progress, stage, error, cancel";
-/// A delivery is tried again until the database lets the job begin.
+/// Attempts of a delivery: unlimited, until the database lets the job begin.
 const ALWAYS: usize = i32::MAX as usize;
 pub(super) const AWAY: &str = "move it away; the queue then begins empty";
 
 pub(super) struct Store {
     path: PathBuf,
     pool: SqlitePool,
-    /// Ids of deliveries grow, and with them goes the order of the queue.
+    /// Increasing ids of deliveries, which define the order of the queue.
     ids: Mutex<Generator>,
 }
 
 impl Store {
-    /// Opens the file, and makes its tables where there are none.
+    /// Opens the file, and creates missing tables.
     pub async fn open(path: &Path) -> Result<Self, Error> {
-        // Unlike the catalogue, a queue cannot be rebuilt.
+        // Full synchronization, since a queue cannot be rebuilt, unlike the catalogue.
         let options = sqlite::options(path).synchronous(SqliteSynchronous::Full);
         let pool = sqlite::pool().connect_lazy_with(options);
         let store = Self { path: path.into(), pool, ids: Mutex::new(Generator::new()) };
@@ -66,7 +66,7 @@ impl Store {
         if damage != "ok" {
             return Err(Error::file(path, format!("is no intact job queue: {damage}"), AWAY));
         }
-        // Not `setup()`, which also turns off waiting for the disk.
+        // `setup()` would also turn off waiting for the disk.
         SqliteStorage::migrations().run(&store.pool).await.map_err(|e| match e {
             MigrateError::Execute(e) | MigrateError::ExecuteMigration(e, _) => store.fault(e),
             other => Error::file(path, format!("has deliveries of another version: {other}"), AWAY),
@@ -74,7 +74,7 @@ impl Store {
         Ok(store)
     }
 
-    /// Makes our tables in a new file; returns whose file it is and its version.
+    /// Creates our tables in a new file; returns the file's application id and version.
     async fn make_tables(&self) -> sqlx::Result<(i64, i64)> {
         let mut connection = self.pool.acquire().await?;
         if is_new(&mut connection).await? {
@@ -118,8 +118,8 @@ impl Store {
         insert.await.map_err(|e| self.fault(e))?.ok_or_else(|| bad("exists already"))
     }
 
-    /// Changes a job in one transaction, with its log and its delivery; `None` when there is no such job. An error of the
-    /// change leaves all as it was.
+    /// Changes a job in one transaction, with its log and its delivery; `None` when it does not exist. If the change
+    /// fails, nothing is stored.
     pub async fn change(
         &self,
         id: &str,
@@ -141,7 +141,7 @@ impl Store {
         apply.await.map_err(|e| self.fault(e))
     }
 
-    /// Writes a changed job, its log lines and its delivery.
+    /// Stores a changed job, its log lines and its delivery.
     async fn store(&self, transaction: &mut SqliteConnection, record: &Record) -> sqlx::Result<()> {
         let job = &record.job;
         let update =
@@ -172,7 +172,7 @@ impl Store {
             let mut ids = self.ids.lock().unwrap_or_else(PoisonError::into_inner);
             ids.generate().unwrap_or_else(|overflow| overflow.commit_overflow_increment())
         };
-        // At the beginning of time, so that a clock that is set back delays nothing.
+        // Run time 0, so that a clock that is set back delays nothing.
         let task = TaskBuilder::new(payload)
             .task_id(TaskId::from_string(next.to_string()))
             .run_at_timestamp(0)
@@ -184,7 +184,7 @@ impl Store {
         })
     }
 
-    /// Replaces all deliveries by one for each queued job, in the order of submission. For when no worker is running.
+    /// Replaces all deliveries by one for each queued job, in the order of submission. Call it while no worker runs.
     pub async fn deliver_all(&self) -> Result<(), Error> {
         let apply = async {
             let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
@@ -197,7 +197,7 @@ impl Store {
         apply.await.map_err(|e| self.fault(e))
     }
 
-    /// Takes the jobs back that an earlier process was working on when it ended.
+    /// Queues the jobs again that an earlier process was running when it ended.
     pub async fn recover(&self) -> Result<(), Error> {
         let running = async { in_state(&mut *self.pool.acquire().await?, JobState::Running).await };
         for id in running.await.map_err(|e| self.fault(e))? {
@@ -213,7 +213,7 @@ impl Store {
         row.map(|row| read(&row)).transpose().map(|found| found.map(|record| record.job)).map_err(|e| self.fault(e))
     }
 
-    /// A page of jobs, newest first, and where the next one begins.
+    /// A page of jobs, newest first, and the start of the next one.
     pub async fn list(&self, limit: u32, after: Option<&str>) -> Result<(Vec<Job>, Option<String>), Error> {
         // ULIDs grow with time. One row more shows whether there is another page.
         let query = format!("SELECT {COLUMNS} FROM nacre_job WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2");
@@ -226,7 +226,7 @@ impl Store {
         Ok((jobs, next))
     }
 
-    /// Deletes a job that has ended; deliveries that are left of it find no job.
+    /// Deletes a job that has ended; remaining deliveries of it have no effect.
     pub async fn remove(&self, id: &str) -> Result<(), Refusal> {
         let apply = async {
             let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
@@ -276,7 +276,7 @@ impl Store {
         inserted.map(drop).map_err(|e| self.fault(e))
     }
 
-    /// Uploads that jobs need, each with one of the jobs: what they work on, or their light.
+    /// Uploads of jobs, as inputs or lights, each with one of the jobs.
     pub async fn uploads(&self) -> Result<Vec<(String, String)>, Error> {
         let query = "SELECT json_extract(spec, '$.upload') AS upload, id FROM nacre_job WHERE upload IS NOT NULL
             UNION SELECT json_extract(spec, '$.light.upload') AS upload, id FROM nacre_job WHERE upload IS NOT NULL";
@@ -296,10 +296,10 @@ impl Store {
         query.fetch_optional(&self.pool).await.map_err(|e| self.fault(e))
     }
 
-    /// What SQLite's answer means to the user.
+    /// Converts an SQLite error into one for the user.
     fn fault(&self, error: sqlx::Error) -> Error {
         match (primary_code(&error), &error) {
-            // The statements are fixed, so an error in one of them is an unexpected table.
+            // The statements are fixed, so an error in one of them means an unexpected table.
             (Some(ERROR | CORRUPT | NOT_A_DATABASE), _) | (_, sqlx::Error::ColumnDecode { .. }) => {
                 Error::file(&self.path, format!("is no intact job queue: {error}"), AWAY)
             }
@@ -314,7 +314,7 @@ impl Store {
 }
 
 async fn in_state(connection: &mut SqliteConnection, state: JobState) -> sqlx::Result<Vec<String>> {
-    // Rows grow with every submission; ULIDs of one millisecond, or of a clock that was set back, do not.
+    // Row ids grow with every submission; ULIDs of one millisecond, or after a clock was set back, do not.
     let query = sqlx::query_scalar("SELECT id FROM nacre_job WHERE state = ?1 ORDER BY rowid").bind(state.word());
     query.fetch_all(connection).await
 }

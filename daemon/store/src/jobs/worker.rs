@@ -1,4 +1,4 @@
-//! The worker: takes deliveries from `apalis` and does the jobs they name.
+//! The worker: receives deliveries from `apalis` and runs their jobs.
 
 use super::record::{End, Failed, Record};
 use super::store::{QUEUE, Store};
@@ -18,25 +18,25 @@ use std::time::{Duration, Instant};
 use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::sleep;
 
-/// How often the worker shows that it is alive, and looks for deliveries that it was not told of.
+/// Interval of the worker's heartbeat, and of its search for deliveries without a notification.
 const HEARTBEAT: Duration = Duration::from_secs(2);
-/// How long to wait when the database does not answer.
+/// Wait before a retry when the database does not answer.
 const PAUSE: Duration = Duration::from_secs(1);
-/// Stages on their way to the log.
+/// Most stages that wait to be written to the log.
 const STAGES: usize = 64;
 
-/// What the queue and its worker have in common.
+/// State shared by the queue and its worker.
 pub(super) struct Shared {
     pub store: Store,
     work: Work,
     changes: broadcast::Sender<String>,
     bell: Arc<Bell>,
-    /// The job that is being worked on.
+    /// The running job.
     current: Mutex<Option<Arc<Live>>>,
-    /// Held while a job is being worked on, so that it is one at a time even when the worker had to be started anew.
+    /// Held while a job runs, so that jobs run one at a time even after a restart of the worker.
     turn: tokio::sync::Mutex<()>,
     stopping: AtomicBool,
-    /// Held as long as anything works on the folder; the thread of a job has a share in it.
+    /// Held while anything works on the folder; the thread of a job holds a share.
     lock: File,
 }
 
@@ -58,26 +58,26 @@ impl Shared {
         self.changes.subscribe()
     }
 
-    /// Tells who listens that a job changed.
+    /// Notifies subscribers that a job changed.
     pub fn changed(&self, id: &str) {
-        // Nobody may be listening.
+        // There may be no subscribers.
         let _ = self.changes.send(id.into());
     }
 
-    /// A job changed, and may wait for the worker.
+    /// Notifies subscribers and the worker that a job was queued.
     pub fn queued(&self, id: &str) {
         self.changed(id);
         self.bell.ring();
     }
 
-    /// Tells the job to stop if it is the running one.
+    /// Requests the end of the job if it is the running one.
     pub fn cancel(&self, id: &str) {
         if let Some(live) = self.current().as_ref().filter(|live| live.id == id) {
             live.cancel();
         }
     }
 
-    /// Tells the running job to stop, and lets no other begin.
+    /// Requests the end of the running job, and prevents others from starting.
     pub fn stop(&self) {
         self.stopping.store(true, Ordering::Relaxed);
     }
@@ -86,7 +86,7 @@ impl Shared {
         self.stopping.load(Ordering::Relaxed)
     }
 
-    /// The job with what its threads have reported since it was last stored.
+    /// The job with the progress that its threads have reported since it was last stored.
     pub fn with_progress(&self, mut job: Job) -> Job {
         if let Some(live) = self.current().as_ref().filter(|live| live.id == job.id && job.state == JobState::Running) {
             job.progress = live.progress();
@@ -114,7 +114,7 @@ impl Bell {
     }
 }
 
-/// The worker's ear for the bell.
+/// Stream of the bell's wake-ups for the worker.
 struct Ear(Arc<Bell>);
 
 impl PollStrategy for Ear {
@@ -124,10 +124,10 @@ impl PollStrategy for Ear {
     }
 }
 
-/// How long a lock is waited for: a process that is being started holds all open files until it runs, locks among them.
+/// Longest wait for a lock. A child process that is being started shares all open files until it runs, locks included.
 const LOCK_PATIENCE: Duration = Duration::from_secs(2);
 
-/// Keeps a second process from working on the folder; the system lets go when the process ends.
+/// Locks the folder against other processes; the system unlocks it when the process ends.
 pub(super) async fn lock(folder: &Path) -> Result<File, Error> {
     const ELSEWHERE: &str = "check the disk, or give another folder";
     let path = folder.join("jobs.lock");
@@ -148,7 +148,7 @@ pub(super) async fn lock(folder: &Path) -> Result<File, Error> {
     }
 }
 
-/// Keeps a worker running until the queue is to stop.
+/// Keeps a worker running until the queue stops.
 pub(super) async fn supervise(shared: Arc<Shared>, mut stopped: watch::Receiver<bool>) {
     tokio::select! {
         () = work_on(&shared) => {}
@@ -156,17 +156,17 @@ pub(super) async fn supervise(shared: Arc<Shared>, mut stopped: watch::Receiver<
         _ = stopped.wait_for(|stop| *stop) => {}
     }
     shared.stop();
-    // The running job is put back first.
+    // Waits until the running job is back in the queue.
     let _turn = shared.turn.lock().await;
     shared.store.close().await;
-    // Otherwise the last owner lets go of it.
+    // If this fails, dropping the last owner unlocks the file.
     let _ = shared.lock.unlock();
 }
 
-/// Starts a worker, and another one when it fails: the disk may be full only for a while.
+/// Starts a worker, and another one when it fails: a full disk may be temporary.
 async fn work_on(shared: &Arc<Shared>) {
     loop {
-        // What an earlier worker had taken is delivered again.
+        // Jobs that an earlier worker had taken are delivered again.
         if shared.store.deliver_all().await.is_ok() {
             let config = Config::default().queue(QUEUE).batch_size(1).heartbeat_interval(HEARTBEAT);
             let deliveries = SqliteStorage::<String>::new(shared.store.pool()).with_config(config);
@@ -175,18 +175,18 @@ async fn work_on(shared: &Arc<Shared>) {
                 .backend(deliveries.poll_with_strategy(Ear(shared.bell.clone())))
                 .concurrency(1)
                 .build(move |id: String| take(owned.clone(), id));
-            // Its error is not the job's; the next worker meets it again or does not.
+            // The error is not the job's. If it persists, the next worker returns it again.
             let _ = worker.run().await;
         }
         sleep(PAUSE).await;
     }
 }
 
-/// Takes the reports of the computing threads.
+/// Receives the progress reports of the computing threads.
 struct Reporter {
     live: Arc<Live>,
     shared: Arc<Shared>,
-    /// Stages on their way to the log. One that finds it full is not logged: computing does not wait for the disk.
+    /// Stages to be logged. When the channel is full, a stage is not logged: computation does not wait for the disk.
     stages: mpsc::Sender<String>,
 }
 
@@ -214,13 +214,13 @@ impl Progress for Reporter {
     }
 }
 
-/// Takes a delivery. The job runs in a task of its own, which outlives the worker.
+/// Takes a delivery. The job runs in a separate task, which outlives the worker.
 async fn take(shared: Arc<Shared>, id: String) -> Result<(), BoxDynError> {
     let result = tokio::spawn(run(shared, id)).await;
     match result {
         Ok(Ok(())) => Ok(()),
         Ok(Err(error)) => {
-            // It is delivered again at once.
+            // The job is delivered again at once.
             sleep(PAUSE).await;
             Err(error.into())
         }
@@ -228,13 +228,13 @@ async fn take(shared: Arc<Shared>, id: String) -> Result<(), BoxDynError> {
     }
 }
 
-/// Does a job if it is queued.
+/// Runs a job if it is queued.
 async fn run(shared: Arc<Shared>, id: String) -> Result<(), Error> {
     let _turn = shared.turn.lock().await;
     if shared.stopping() {
         return Ok(());
     }
-    // Before the job is running, so that a cancellation finds it.
+    // Registered before the job runs, so that a cancellation finds it.
     let live = Arc::new(Live::new(&id));
     *shared.current() = Some(live.clone());
     let begun = shared.store.change(&id, Record::begin).await;
@@ -245,7 +245,7 @@ async fn run(shared: Arc<Shared>, id: String) -> Result<(), Error> {
             finish(&shared, &live, result).await;
             Ok(())
         }
-        // It was cancelled meanwhile, or this delivery has been overtaken by another one.
+        // The job was cancelled meanwhile, or the delivery is obsolete.
         Ok(_) => Ok(()),
         Err(error) => Err(error),
     };
@@ -253,7 +253,7 @@ async fn run(shared: Arc<Shared>, id: String) -> Result<(), Error> {
     result
 }
 
-/// Works on a job, and writes its stages down meanwhile.
+/// Runs a job, and logs its stages.
 async fn attempt(shared: &Arc<Shared>, spec: Spec, live: Arc<Live>) -> Result<(), Failed> {
     let id = live.id.clone();
     let (stages, mut entered) = mpsc::channel::<String>(STAGES);
@@ -262,7 +262,7 @@ async fn attempt(shared: &Arc<Shared>, spec: Spec, live: Arc<Live>) -> Result<()
     let thread = tokio::task::spawn_blocking(work);
     // Ends when the thread drops the reporter.
     while let Some(stage) = entered.recv().await {
-        // A line of the log is not worth a job.
+        // A failed log line does not fail the job.
         let _ = shared.store.change(&id, |record| record.stage(&stage)).await;
     }
     match thread.await {
@@ -271,12 +271,12 @@ async fn attempt(shared: &Arc<Shared>, spec: Spec, live: Arc<Live>) -> Result<()
     }
 }
 
-/// Stores how an attempt ended, as soon as the disk allows it.
+/// Stores the end of an attempt, as soon as the disk allows it.
 async fn finish(shared: &Shared, live: &Live, result: Result<(), Failed>) {
     let end = End { result, stopping: shared.stopping(), progress: live.progress() };
     while shared.store.change(&live.id, |record| record.end(&end)).await.is_err() {
         if shared.stopping() {
-            // The next start finds the job running, and does it again.
+            // The next start finds the job running, and repeats it.
             return;
         }
         sleep(PAUSE).await;

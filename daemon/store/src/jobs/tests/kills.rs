@@ -1,4 +1,4 @@
-//! Processes that end in the middle of a job.
+//! Processes that end during a job.
 
 use super::*;
 use std::io::Write;
@@ -6,8 +6,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;
 
-/// The runtime goes away with everything in it, but the thread of a job cannot be ended: until it has, nobody else works
-/// on the folder.
+/// Dropping the runtime does not end the thread of a job: until that thread ends, no other queue can open the folder.
 #[test]
 fn a_job_whose_thread_lives_on_is_not_done_twice_at_once() {
     let folder = tempfile::tempdir().unwrap();
@@ -64,7 +63,7 @@ fn victim() {
         if !busy {
             return sleep(PATIENCE).await;
         }
-        // The backlog must stay small enough to be worked off in the test.
+        // The tests below must be able to finish all jobs.
         for _ in 0..10 {
             let id = jobs.submit(spec("well")).await.unwrap().id;
             writeln!(known, "{id}").unwrap();
@@ -73,7 +72,7 @@ fn victim() {
     });
 }
 
-/// Starts a process that works on the folder, and kills it some time after it has begun a job.
+/// Starts a process that works on the folder, and kills it this time after it has begun a job.
 fn kill_in_the_middle(folder: &Path, busy: bool, after: Duration) {
     let mark = folder.join("begun");
     let _ = fs::remove_file(&mark);
@@ -111,7 +110,7 @@ async fn no_job_is_lost_in_kills_at_any_time() {
 #[tokio::test]
 async fn kills_count_as_attempts() {
     let folder = tempfile::tempdir().unwrap();
-    // A queue that stops at once leaves the job to the processes to come.
+    // A queue that stops at once leaves the job to the next processes.
     let store = Store::open(&folder.path().join("jobs.db")).await.unwrap();
     let id = store.insert(spec("well")).await.unwrap().id;
     store.close().await;

@@ -1,4 +1,4 @@
-//! The queue as the service uses it, with work that does what the test says.
+//! The queue as the service uses it, with work that a test chooses.
 
 mod kills;
 
@@ -8,10 +8,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use tokio::time::{sleep, timeout};
 
-/// Only a stuck machine takes so long.
+/// Time limit that only a hung machine exceeds.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Follows the word in the option `model`: succeed, fail at once or for good, wait to be stopped, or crash.
+/// Acts as the option `model` says: succeed, fail at once or permanently, wait for a cancellation, or panic.
 fn act(spec: &Spec, progress: &dyn Progress) -> Result<(), Failure> {
     progress.stage("acting", 4);
     match spec.options["model"].as_str().unwrap() {
@@ -119,7 +119,7 @@ async fn progress_shows_and_a_running_or_queued_job_is_cancelled() {
     assert_eq!(jobs.cancel(&running).await.unwrap().state, JobState::Running);
     let job = reach(&jobs, &running, JobState::Cancelled).await;
     assert_eq!((job.attempts, job.progress), (1, 0.25));
-    // It was never begun, and the worker goes on.
+    // The job was never begun, and the worker continues.
     assert_eq!(jobs.retry(&queued).await.unwrap().attempts, 0);
     assert_eq!(reach(&jobs, &queued, JobState::Done).await.attempts, 1);
     jobs.shutdown().await;
@@ -138,7 +138,7 @@ async fn a_job_is_forgotten_once_it_has_ended() {
     }
     let uploads = jobs.uploads().await.unwrap();
     assert_eq!((uploads.len(), uploads["u1"].len()), (1, 2));
-    // One that was cancelled before its turn leaves a delivery behind, which finds nothing.
+    // A job cancelled while queued leaves a delivery without effect.
     jobs.cancel(&queued).await.unwrap();
     jobs.remove(&queued).await.unwrap();
     jobs.cancel(&running).await.unwrap();
@@ -200,7 +200,7 @@ async fn jobs_are_done_in_turn_and_listed_in_pages() {
     });
     let jobs = Jobs::open(folder.path(), work).await.unwrap();
     let mut ids: Vec<_> = (0..7).map(|_| spec("well")).collect();
-    // As if the clock were set back before each: the turn is that of submission.
+    // As if the clock had been set back before each: the order is that of submission.
     ids.sort_by(|a, b| b.id.cmp(&a.id));
     let mut expected = Vec::new();
     for spec in ids {
@@ -256,7 +256,7 @@ async fn shutdown_puts_the_running_job_back() {
     assert_eq!(reach(&jobs, &first, JobState::Done).await.attempts, 1);
     reach(&jobs, &second, JobState::Done).await;
     assert!(jobs.log(&first).await.unwrap().unwrap().contains("does not count"));
-    // Dropping stops the worker and lets go of the folder as well.
+    // Dropping stops the worker and unlocks the folder.
     drop(jobs);
     let end = Instant::now() + PATIENCE;
     while worker::lock(folder.path()).await.is_err() {
@@ -279,7 +279,7 @@ async fn other_files_are_refused_and_left_alone() {
     };
     assert!(refuse(&[b'x'; 9000]).await.contains("no intact"));
 
-    // The catalogue is SQLite as well, but another database.
+    // The catalogue is SQLite as well, but a different database.
     let other = folder.path().join("catalogue.db");
     crate::catalogue::Catalogue::open(&other).await.unwrap().close().await;
     assert!(refuse(&fs::read(&other).unwrap()).await.contains("another program"));
@@ -289,7 +289,7 @@ async fn other_files_are_refused_and_left_alone() {
     let id = jobs.submit(spec("well")).await.unwrap().id;
     reach(&jobs, &id, JobState::Done).await;
     jobs.shutdown().await;
-    // The last connection ends in a thread of its own, and only then is everything in this one file.
+    // The last connection is closed in a separate thread; only then does this one file contain everything.
     let end = Instant::now() + PATIENCE;
     while folder.path().join("jobs.db-wal").exists() {
         assert!(Instant::now() < end);
@@ -320,7 +320,7 @@ async fn a_worker_that_fails_is_replaced() {
     let first = workers().await;
     let id = jobs.submit(spec("wait")).await.unwrap().id;
     until(&jobs, &id, |job| job.progress > 0.0).await;
-    // Its next heartbeat fails; the job goes on.
+    // Its next heartbeat fails; the job continues.
     sqlx::raw_sql("DELETE FROM Jobs; DELETE FROM Workers").execute(pool).await.unwrap();
     let end = Instant::now() + PATIENCE;
     while workers().await.is_empty() {
@@ -349,7 +349,7 @@ async fn a_removed_job_is_restored_with_its_name_and_log() {
     let log = jobs.log(&id).await.unwrap();
     jobs.remove(&id).await.unwrap();
     assert_eq!(jobs.saved(&id).await.unwrap(), None);
-    // It is kept as JSON.
+    // It is stored as JSON.
     let saved: Saved = serde_json::from_str(&serde_json::to_string(&saved).unwrap()).unwrap();
     for _ in 0..2 {
         jobs.restore(&saved).await.unwrap();
