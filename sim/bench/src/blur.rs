@@ -2,13 +2,15 @@
 
 use rayon::prelude::*;
 
-/// How far light spreads, in pixels: nowhere below 0.01 pixels.
+/// Radius in pixels that the blur reaches; 0 for σ below 0.01 pixels.
 pub fn reach(sigma: f64) -> usize {
     if sigma < 0.01 { 0 } else { (4.0 * sigma).ceil() as usize }
 }
 
-/// Separable Gaussian of `sigma` pixels of a picture with a margin of [`reach`] on all sides; what is returned has none, as the lens brings light from
-/// beyond the edges, too. `width` is that with the margins.
+/// Convolves a picture with a separable Gaussian of `sigma` pixels.
+///
+/// The picture has a margin of [`reach`] on all sides, as the lens also brings in light from beyond the edges; the
+/// result has none. `width` includes the margins.
 pub fn gaussian(plane: &[f32], width: usize, sigma: f64) -> Vec<f32> {
     let reach = reach(sigma);
     let weights: Vec<f64> =
@@ -48,7 +50,8 @@ mod tests {
         assert!((sum - 1.0).abs() < 1e-5 && (variance - 4.0).abs() < 0.02, "{sum} {variance}");
     }
 
-    /// Against its parts: what is rendered with more around it is the same, and an even picture stays even up to its edges.
+    /// The blur of a crop with margin equals the crop of the blur, and a uniform picture stays uniform up to its
+    /// edges.
     #[test]
     fn edges_see_what_is_beyond_them() {
         let sigma = 0.5;

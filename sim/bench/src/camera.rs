@@ -1,11 +1,11 @@
-//! The camera as a free-running stream: a queue of frames that goes stale, and settings that act late.
+//! Free-running camera: its frame queue becomes stale, and settings take effect late.
 
 use crate::config::CameraConfig;
 use nacre_drivers::Stamp;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Exposure and gain in force.
+/// Exposure and gain of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Exposure time in seconds.
@@ -14,23 +14,23 @@ pub struct Settings {
     pub gain: f64,
 }
 
-/// A frame that was exposed; its pixels are rendered only when somebody takes it.
+/// An exposed frame; its pixels are rendered when it is read.
 #[derive(Clone, Copy, Debug)]
 pub struct Exposed {
-    /// Counts frames made.
+    /// Number of the frame since the start of the stream.
     pub sequence: u64,
-    /// Start of exposure.
+    /// Start of the exposure.
     pub start: Duration,
-    /// End of readout: the timestamp a camera reports.
+    /// End of the readout, which a camera reports as timestamp.
     pub end: Duration,
-    /// Settings it was exposed with.
+    /// Settings of the exposure.
     pub settings: Settings,
     /// Start of the first frame with these settings.
     pub adopted: Duration,
 }
 
 impl Exposed {
-    /// What the camera says of the frame.
+    /// Metadata that the camera reports with the frame.
     pub fn stamp(&self) -> Stamp {
         Stamp { sequence: self.sequence, timestamp: self.end }
     }
@@ -42,7 +42,7 @@ pub struct Camera {
     queue_length: usize,
     lag: u32,
     queue: VecDeque<Exposed>,
-    /// Settings in force, and those on their way with the frames left until they act.
+    /// Current settings, and pending ones with the number of frames until they take effect.
     settings: Settings,
     pending: Vec<(u32, Settings)>,
     adopted: Duration,
@@ -71,17 +71,17 @@ impl Camera {
         self.readout
     }
 
-    /// Asks for other settings; they act on the first frame that starts after `lag_frames` more have started.
+    /// Requests other settings; they apply to the first frame that starts after `lag_frames` more have started.
     pub fn set(&mut self, settings: Settings) {
         self.pending.push((self.lag, settings));
     }
 
-    /// End of the frame that is being exposed.
+    /// End of the current exposure's readout.
     pub fn next_end(&self) -> Duration {
         self.next_start + Duration::from_secs_f64(self.upcoming().exposure_s) + self.readout
     }
 
-    /// Makes all frames that end by `now`. A full queue drops new frames and keeps the old, as V4L2 does.
+    /// Exposes all frames that end by `now`. A full queue drops new frames and keeps old ones, as V4L2 does.
     pub fn advance(&mut self, now: Duration) {
         while self.next_end() <= now {
             let settings = self.upcoming();
@@ -101,7 +101,7 @@ impl Camera {
         }
     }
 
-    /// Takes the oldest waiting frame.
+    /// Takes the oldest frame from the queue.
     pub fn take(&mut self) -> Option<Exposed> {
         self.queue.pop_front()
     }

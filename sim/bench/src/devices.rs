@@ -1,5 +1,5 @@
-//! The simulated devices: what the capture engine drives in place of real ones. They know the bench only through a
-//! [`Port`], which is in this process or behind a socket.
+//! Simulated devices, which the capture engine uses like real ones. Their only access to the bench is a [`Port`], in
+//! this process or behind a socket.
 
 use crate::messages::{Devices, Reply, Request, error};
 use crate::port::SharedBench;
@@ -10,7 +10,7 @@ use nacre_drivers::{
 };
 use std::time::Duration;
 
-/// Calls and takes the expected kind of answer.
+/// Sends a request and extracts the expected kind of reply.
 macro_rules! call {
     ($device:expr, $request:expr, $reply:pat => $value:expr) => {{
         let request = $request;
@@ -20,12 +20,12 @@ macro_rules! call {
         }
     }};
 }
-/// A way to the bench.
+/// Connection to the bench.
 pub trait Port: Send {
-    /// Carries a request out.
+    /// Executes a request.
     ///
     /// # Errors
-    /// As the bench answers; `Lost` when it cannot be reached.
+    /// Those of the bench; `Lost` when it cannot be reached.
     fn call(&mut self, request: &Request) -> DeviceResult<Reply>;
 }
 
@@ -35,14 +35,14 @@ impl Port for SharedBench {
     }
 }
 
-/// Any device of the bench: the traits say what it is used as.
+/// Any device of the bench; it implements the traits of all of them.
 pub struct SimDevice {
     port: Box<dyn Port>,
     devices: Devices,
 }
 
 impl SimDevice {
-    /// A device behind a port.
+    /// Connects a device to a port.
     ///
     /// # Errors
     /// The bench cannot be reached.
@@ -54,15 +54,15 @@ impl SimDevice {
         }
     }
 
-    /// What all devices of the bench are.
+    /// Properties of all devices of the bench.
     pub fn devices(&self) -> &Devices {
         &self.devices
     }
 
-    /// Turns the stage and waits for it; whoever drops this finds it turning.
+    /// Turns the stage and waits for its arrival. If the future is dropped, the stage keeps turning.
     async fn turn(&mut self, request: Request) -> DeviceResult<Arrived> {
         call!(self, request.clone(), Reply::Turning => ())?;
-        // What goes wrong on the way belongs to the movement.
+        // Errors while it moves are errors of the movement.
         let moving = |e: DeviceError| {
             let DeviceError { device, command, .. } = error(&request, "", "");
             DeviceError { device, command, ..e }

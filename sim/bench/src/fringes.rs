@@ -1,43 +1,45 @@
-//! Stripes on the panel.
+//! Fringes on the panel.
 
 use nacre_drivers::Pattern;
 
-/// Levels that a panel can show: 8 bits.
+/// Largest code of the panel: 8 bits.
 const LARGEST_CODE: f64 = 255.0;
 
-/// Intervals of the asked luminance, 0 to 1, in a [`Tone`]. One in fifty holds a step between two codes.
+/// Number of intervals of the target luminance, 0 to 1, in a [`Tone`]. One in fifty contains a step between two codes.
 const INTERVALS: usize = 8192;
 
-/// Stripes on the panel.
+/// Fringes on the panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fringes {
     /// Spatial frequency to the right and up in cycles per mm.
     pub cycles_per_mm: [f64; 2],
-    /// Phase at the panel's middle in cycles.
+    /// Phase at the panel's centre in cycles.
     pub phase: f64,
-    /// Exponent that whoever drives the panel takes it to have.
+    /// Exponent that the driver assumes for the panel.
     pub gamma: f64,
 }
 
 impl Fringes {
-    /// Whether they are even light.
+    /// Whether they are uniform light.
     pub(crate) fn even(&self) -> bool {
         self.cycles_per_mm == [0.0; 2]
     }
 }
 
-/// Luminance of a panel under fringes. A panel has few codes, so a table holds the luminance of most intervals exactly; an interval
-/// with a step between two codes is computed at each place.
+/// Luminance of a panel under fringes.
+///
+/// A panel has few codes, so a table holds the exact luminance of most intervals. Intervals with a step between two
+/// codes are computed at each point.
 pub(crate) struct Tone {
     fringes: Fringes,
-    /// The panel's own exponent.
+    /// True exponent of the panel.
     gamma: f64,
-    /// Luminance of each interval; NaN where it has a step.
+    /// Luminance of each interval; NaN if it contains a step.
     table: Vec<f64>,
 }
 
 impl Tone {
-    /// Of a panel with this exponent.
+    /// Tabulates the luminance of a panel with this exponent.
     pub(crate) fn new(fringes: Fringes, gamma: f64) -> Self {
         let edges: Vec<f64> =
             (0..=INTERVALS).map(|k| luminance(k as f64 / INTERVALS as f64, fringes.gamma, gamma)).collect();
@@ -45,17 +47,17 @@ impl Tone {
         Self { fringes, gamma, table }
     }
 
-    /// The fringes that it belongs to.
+    /// Its fringes.
     pub(crate) fn fringes(&self) -> &Fringes {
         &self.fringes
     }
 
-    /// Luminance at a place, from the panel's middle in mm.
+    /// Luminance at a point in mm relative to the panel's centre.
     pub(crate) fn at(&self, place_mm: [f64; 2]) -> f64 {
         self.of(Pattern::fringe(self.fringes.cycles_per_mm, self.fringes.phase, place_mm))
     }
 
-    /// Luminance where this one, 0 to 1, is asked for.
+    /// Luminance for a target luminance, 0 to 1.
     fn of(&self, asked: f64) -> f64 {
         let tabulated = self.table[((asked * INTERVALS as f64) as usize).min(INTERVALS - 1)];
         if tabulated.is_nan() { luminance(asked, self.fringes.gamma, self.gamma) } else { tabulated }

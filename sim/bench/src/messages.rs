@@ -1,4 +1,4 @@
-//! What is said between the simulated devices and the bench: requests, their answers, and errors.
+//! Messages between the simulated devices and the bench: requests, replies and errors.
 
 use crate::config::{BenchConfig, FaultyDevice};
 use nacre_drivers::{
@@ -8,13 +8,13 @@ use nacre_drivers::{
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// Exposure times of the camera in s.
+/// Range of the camera's exposure time in seconds.
 pub(crate) const EXPOSURE_S: [f64; 2] = [1e-5, 60.0];
 
-/// Gains of the camera.
+/// Range of the camera's gain.
 pub(crate) const GAIN: [f64; 2] = [1.0, 100.0];
 
-/// A request to one of the bench's devices.
+/// A request to a device of the bench.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs, reason = "named as the calls of the device traits")]
@@ -24,12 +24,12 @@ pub enum Request {
     MoveTo {
         angle_deg: f64,
     },
-    /// Waits for a movement, a moment at a time where the bench takes as long as a real one.
+    /// Waits for a movement, in steps of 20 ms on a bench that runs in real time.
     Arrive,
-    /// Ends a movement where it is.
+    /// Stops a movement.
     Halt,
     Position,
-    /// What time it is; no device is asked.
+    /// Reads the clock, without a device.
     Now,
     Configure {
         exposure: Duration,
@@ -49,23 +49,23 @@ pub enum Request {
     },
     IsOn,
     Level,
-    /// What shines, for a bystander; no device is asked.
+    /// Reads the state of the light, without a device.
     Light,
 }
 
-/// Its answer.
+/// The reply to a request.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs, reason = "named as the results of the device traits")]
 pub enum Reply {
     Described(Box<Devices>),
     Arrived(Arrived),
-    /// A movement goes on.
+    /// The movement continues.
     Turning,
     Angle(f64),
     Controls(Controls),
     At(Duration),
-    /// The codes follow the text on a socket, unless the frame is not fresh.
+    /// On a socket, the codes follow the text, unless the frame is not fresh.
     Frame {
         stamp: Stamp,
         width: usize,
@@ -84,7 +84,7 @@ pub enum Reply {
     },
 }
 
-/// What the devices of a bench are and can do.
+/// Properties and limits of a bench's devices.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Devices {
     /// The rotation stage.
@@ -97,13 +97,13 @@ pub struct Devices {
     pub flash: FlashInfo,
     /// The door switch.
     pub interlock: InterlockInfo,
-    /// Optics and distances, which frames are described with.
+    /// Optics and distances, for the description of frames.
     pub bench: BenchConfig,
     /// Size of a pixel on the sample in µm.
     pub pixel_um: f64,
 }
 
-/// Which device carries a request out; none for those that no fault strikes.
+/// The device that executes a request; `None` for requests without faults.
 pub(crate) fn device(request: &Request) -> Option<FaultyDevice> {
     match request {
         Request::Home | Request::MoveTo { .. } | Request::Position | Request::Halt => Some(FaultyDevice::Stage),
@@ -115,7 +115,7 @@ pub(crate) fn device(request: &Request) -> Option<FaultyDevice> {
     }
 }
 
-/// Names of the simulated devices, which are their identities.
+/// Name of a simulated device, which is also its id.
 fn name(device: Option<FaultyDevice>) -> &'static str {
     match device {
         Some(FaultyDevice::Stage) => "simulated stage",
@@ -127,7 +127,7 @@ fn name(device: Option<FaultyDevice>) -> &'static str {
     }
 }
 
-/// A retry may help, until it is said otherwise.
+/// Device error of the class that allows a retry.
 pub(crate) fn error(request: &Request, expected: &str, got: &str) -> DeviceError {
     let command = match request {
         Request::Describe | Request::Light => "describe itself".to_owned(),
@@ -151,7 +151,7 @@ pub(crate) fn error(request: &Request, expected: &str, got: &str) -> DeviceError
     DeviceError::new(name(device(request)), command, expected, got).class(Class::Retry)
 }
 
-/// What the devices of a bench are and can do, without building it.
+/// Properties and limits of a bench's devices, without building the bench.
 pub fn describe(bench: &BenchConfig) -> Devices {
     let (stage, camera) = (&bench.stage, &bench.camera);
     let id = |device| name(Some(device)).to_owned();

@@ -1,4 +1,4 @@
-//! What reaches the camera's side of the analyser, per pixel, and the truth about the sample.
+//! Light in front of the analyser per pixel, and the ground truth of the sample.
 
 use crate::config::BenchConfig;
 use crate::fringes::{Fringes, Tone};
@@ -10,13 +10,15 @@ use nacre_optics::polarization::Stokes;
 use num_complex::Complex;
 use rayon::prelude::*;
 
-/// Highest order that is traced from the panel; the others of the usual gratings miss it or vanish.
+/// Highest diffraction order that is traced from the panel; higher orders of common gratings miss the panel or are
+/// evanescent.
 const ORDERS: i32 = 3;
 
-/// Reflectance of a mirror pixel (metal without grating).
+/// R of a mirror pixel (metal without grating).
 const MIRROR_RATIO: Complex<f64> = Complex::new(-1.0, 0.0);
 
-/// Light before the analyser from one source, in units of the panel's intensity; blurred by the lens, before noise.
+/// Stokes image in front of the analyser under one source, in units of the panel's intensity. It includes the lens
+/// blur, but no noise.
 pub struct StokesImage {
     /// S0, S1, S2, row-major.
     pub planes: [Vec<f32>; 3],
@@ -25,17 +27,17 @@ pub struct StokesImage {
 /// A luminous disc, or the whole panel, in the plane of panel and camera lens, parallel to the sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Source {
-    /// What shines.
+    /// The lamp.
     pub lamp: Lamp,
-    /// Its middle, from the point between camera and panel, in mm.
+    /// Centre relative to the midpoint between camera and panel, in mm.
     pub center_mm: [f64; 2],
-    /// Its diameter in mm; of a panel, that of the circle around it.
+    /// Diameter in mm; for a panel, that of its circumscribed circle.
     pub diameter_mm: f64,
-    /// Stripes over the whole panel in place of the disc.
+    /// Stripes over the whole panel, instead of the disc.
     pub fringes: Option<Fringes>,
 }
 
-/// Points of the aperture and their weights: the cubature of degree 5 on a disc of radius 1 (Hammer and Stroud 1958).
+/// Points of the aperture and their weights: cubature of degree 5 on the unit disc (Hammer and Stroud 1958).
 const APERTURE: [([f64; 2], f64); 7] = {
     const R: f64 = 0.816_496_580_927_726;
     const H: f64 = 0.5 * R;
@@ -51,44 +53,45 @@ const APERTURE: [([f64; 2], f64); 7] = {
     ]
 };
 
-/// What shines.
+/// Kinds of lamps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lamp {
-    /// The panel behind its retarder, dimmer at an angle.
+    /// The panel behind its retarder, with a luminance that falls off with the angle.
     Panel,
-    /// The flash: unpolarized, and brighter than the panel by its power.
+    /// The flash: unpolarized, with the panel's luminance times its power.
     Flash,
 }
 
-/// A source, and the panel's luminance where it shows fringes.
+/// A source, and the panel's tone curve under fringes.
 struct Light<'a> {
     source: &'a Source,
     tone: Option<Tone>,
 }
 
-/// A point of the sample (mm), the direction to the camera, and the light.
+/// A point of the sample in mm, the direction to the camera, and the light.
 struct Ray<'a> {
     x: f64,
     y: f64,
     view: [f64; 3],
-    /// Mirror direction of the view.
+    /// Mirror direction of the viewing direction.
     mirror: [f64; 3],
-    /// Mirror directions of the views from the points of the aperture; used under fringes alone.
+    /// Mirror directions as seen from the points of the aperture; used for fringes only.
     mirrors: [[f64; 3]; APERTURE.len()],
     light: &'a Light<'a>,
 }
 
-/// What the sample really is, per pixel.
+/// Ground truth of the sample, per pixel.
 pub struct Truth {
     /// Orientation of the grating vector, `[0, π)` rad; NaN where no ray of the pixel meets a grating.
     pub orientation: Vec<f32>,
     /// Period in µm; NaN as above.
     pub period_um: Vec<f32>,
-    /// 1 where all rays of the pixel meet gratings of one orientation, down to 0 where they cancel or miss.
+    /// Length of the mean vector of doubled orientations: 1 where all rays meet gratings of one orientation, 0 where
+    /// they cancel or miss.
     pub purity: Vec<f32>,
 }
 
-/// The bench's view of a sample, ready to be rendered.
+/// The bench's view of a sample, ready for rendering.
 pub struct Scene {
     bench: BenchConfig,
     sample: Sample,
@@ -97,7 +100,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Builds the sample and the band.
+    /// Builds the sample and the wavelengths of the band.
     ///
     /// # Errors
     /// A rigorous R (`[grating.rigorous]`) that cannot be computed to the requested error.
@@ -112,19 +115,19 @@ impl Scene {
         self.pixel_mm
     }
 
-    /// Where the panel's middle is, from the point between camera and panel, in mm.
+    /// Position of the panel's centre relative to the midpoint between camera and panel, in mm.
     pub fn panel_middle_mm(&self) -> [f64; 2] {
         [0.5 * self.bench.geometry.baseline_mm, 0.0]
     }
 
-    /// Stripes over the whole panel as a source.
+    /// Source of stripes over the whole panel.
     pub fn fringes(&self, cycles_per_mm: [f64; 2], phase: f64, gamma: f64) -> Source {
         let [w, h] = self.bench.panel.size_mm;
         let fringes = Some(Fringes { cycles_per_mm, phase, gamma });
         Source { lamp: Lamp::Panel, center_mm: self.panel_middle_mm(), diameter_mm: w.hypot(h), fringes }
     }
 
-    /// Light from one source, row-major; the image is shifted by `shift` pixels, right and down.
+    /// Stokes image under one source, row-major, shifted by `shift` pixels, right and down.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -135,7 +138,7 @@ impl Scene {
         Ok(StokesImage { planes: [plane(|s| s.s0), plane(|s| s.s1), plane(|s| s.s2)] })
     }
 
-    /// What the sample is, and S0 of the unpolarized light from elsewhere; shifted as by [`Scene::render`].
+    /// Ground truth, and S0 of the ambient light; shifted as in [`Scene::render`].
     ///
     /// # Errors
     /// `Cancelled`.
@@ -156,12 +159,12 @@ impl Scene {
         self.bench.camera.width as usize
     }
 
-    /// Pixels around the picture from which the lens brings light into it.
+    /// Margin in pixels from which the lens blur brings light into the picture.
     fn margin(&self) -> usize {
         crate::blur::reach(self.bench.camera.blur_px)
     }
 
-    /// What is at each pixel, and at those of the margins around the picture.
+    /// Value of a function at each pixel, and at those of the margins around the picture.
     fn rows<T: Send>(
         &self,
         stage: &str,
@@ -185,7 +188,7 @@ impl Scene {
         crate::blur::gaussian(plane, self.width() + 2 * self.margin(), self.bench.camera.blur_px)
     }
 
-    /// Where the rays of a pixel meet the sample, in mm.
+    /// Points in mm at which the rays of a pixel meet the sample.
     fn rays(&self, x: f64, y: f64, [dx, dy]: [f64; 2]) -> impl ExactSizeIterator<Item = (f64, f64)> + use<> {
         let n = self.bench.camera.subsamples;
         let (width, height) = (f64::from(self.bench.camera.width), f64::from(self.bench.camera.height));
@@ -221,10 +224,10 @@ impl Scene {
         let (distance, [half, _], source) = (self.bench.geometry.distance_mm, self.panel_middle_mm(), light.source);
         let seen = match point.surface {
             Surface::Nothing => return Stokes::default(),
-            // A diffuser sees the whole disc: its solid angle over π.
+            // A diffuser collects light from the whole disc: its solid angle over π.
             Surface::Diffuse => match &light.tone {
                 None => Stokes::unpolarized((0.5 * source.diameter_mm / distance).powi(2) * self.power(source)),
-                // It sees many stripes at once.
+                // It averages over many stripes.
                 Some(tone) => {
                     let [w, h] = self.bench.panel.size_mm;
                     let mean = if tone.fringes().even() { tone.at([0.0; 2]) } else { 0.5 };
@@ -233,7 +236,7 @@ impl Scene {
             },
             Surface::Mirror => self.order(&self.traced(x, y, point, light), point, 0),
             Surface::Grating { period_um, .. } => {
-                // Orders whose sine leaves the disc's reach are not even traced.
+                // Orders whose sines lie outside the reach of the disc are not traced.
                 let [across, up] = source.center_mm;
                 let reach = ((across - half).hypot(up) + 0.5 * source.diameter_mm) / distance + 0.2;
                 let highest = ((reach * f64::from(period_um) / self.band[0].um).floor() as i32).clamp(0, ORDERS);
@@ -263,7 +266,7 @@ impl Scene {
         }
     }
 
-    /// Light that order `m` brings from the panel, over the band.
+    /// Light of diffraction order `m` from the source, integrated over the band.
     fn order(&self, ray: &Ray, point: &Point, m: i32) -> Stokes {
         let (orientation, period_um) = match point.surface {
             Surface::Grating { orientation, period_um, .. } => (f64::from(orientation), f64::from(period_um)),
@@ -274,7 +277,7 @@ impl Scene {
             let shift = f64::from(m) * wave.um / period_um;
             self.way(ray, [shift * cos, shift * sin])
         };
-        // The zero order goes one way at all wavelengths.
+        // The direction of the zero order does not depend on the wavelength.
         let zero = (m == 0).then(|| way(&self.band[0]));
         let mut light = Stokes::default();
         for wave in &self.band {
@@ -297,20 +300,23 @@ impl Scene {
         light
     }
 
-    /// Luminance that an order shows, and how its light comes in; the order's sines are the mirrored ones plus `shift`. None if it
-    /// shows no light.
+    /// Luminance of the source in the direction of an order, and the incidence of that light.
+    ///
+    /// The order's sines are the mirrored ones plus `shift`. `None` if the luminance is 0.
     fn way(&self, ray: &Ray, shift: [f64; 2]) -> Option<(f64, Incidence)> {
         let source = lifted(ray.mirror[0] + shift[0], ray.mirror[1] + shift[1])?;
         let seen = match &ray.light.tone {
             None => self.luminance(ray, source),
             Some(tone) => self.stripes(ray, shift, tone),
         };
-        // The film has one index at all wavelengths.
+        // The film's index does not depend on the wavelength.
         (seen != 0.0).then(|| (seen, self.band[0].incidence(source)))
     }
 
-    /// Luminance where a ray along `direction` meets the plane of the lights. The camera focuses on the sample,
-    /// so the light is out of focus and the disc's edge as soft as the aperture is wide.
+    /// Luminance at the point where a ray along `direction` meets the plane of the lights.
+    ///
+    /// The camera focuses on the sample, so the light is out of focus: the disc's edge is as soft as the aperture is
+    /// wide.
     fn luminance(&self, ray: &Ray, direction: [f64; 3]) -> f64 {
         let hit = |from: f64, along: f64| from + along * self.bench.geometry.distance_mm / direction[2];
         let [x, y] = ray.light.source.center_mm;
@@ -329,13 +335,14 @@ impl Scene {
 }
 
 impl Scene {
-    /// Loss of the panel's luminance at an angle with this cosine.
+    /// Relative luminance of the panel at an angle with this cosine.
     fn falloff(&self, cos: f64) -> f64 {
-        // The usual exponent, without the cost of a power: this is the inner loop of rendering.
+        // The default exponent without a power function, as this is the inner loop of rendering.
         if self.bench.panel.falloff == 2.0 { cos * cos } else { cos.powf(self.bench.panel.falloff) }
     }
 
-    /// Luminance of the panel's stripes as the whole aperture sees it through one order, whose sines are the mirrored ones plus `shift`.
+    /// Luminance of the panel's stripes through one order, averaged over the aperture; the order's sines are the
+    /// mirrored ones plus `shift`.
     fn stripes(&self, ray: &Ray, shift: [f64; 2], tone: &Tone) -> f64 {
         let (distance, [half, _]) = (self.bench.geometry.distance_mm, self.panel_middle_mm());
         let [w, h] = self.bench.panel.size_mm;
@@ -357,7 +364,7 @@ fn mirrored(view: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| along * normal[i] - view[i])
 }
 
-/// The unit vector with these sines above the surface, if there is one.
+/// Unit vector above the surface with these sines; `None` if they exceed 1.
 fn lifted(u: f64, v: f64) -> Option<[f64; 3]> {
     let z2 = 1.0 - u * u - v * v;
     (z2 > 1e-4).then(|| [u, v, z2.sqrt()])
@@ -368,13 +375,13 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
     v.map(|c| c / length)
 }
 
-/// S0 from elsewhere, and (orientation, period, purity) of a pixel.
+/// S0 of ambient light, and (orientation, period, purity) of a pixel.
 struct Surveyed {
     ambient: f32,
     truth: (f32, f32, f32),
 }
 
-/// Mean orientation (of a line, so of the doubled angle) and period of a pixel's rays, weighted by reflectance.
+/// Mean orientation (of doubled angles) and mean period of a pixel's rays, weighted by reflectance.
 #[derive(Default)]
 struct GratingMean {
     cos: f64,

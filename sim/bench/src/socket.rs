@@ -1,5 +1,7 @@
-//! The bench in a process of its own, so that it outlives a killed capture: requests and answers over a Unix socket,
-//! one JSON text a line; the codes of a frame follow its line, 16 bits little-endian.
+//! The bench in a separate process, so that it outlives a killed capture.
+//!
+//! Requests and replies travel over a Unix socket as lines of JSON. The codes of a frame follow its line, 16 bits
+//! little-endian.
 
 use crate::devices::Port;
 use crate::messages::{Reply, Request, error};
@@ -11,21 +13,21 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// Longest line of a request or answer.
+/// Longest line in bytes.
 const MAX_LINE: u64 = 1 << 20;
 
 /// Most pixels of a frame.
 const MAX_PIXELS: usize = 16_384 * 16_384;
 
-/// An answer that takes longer than this is none: the longest exposures, twice.
+/// Time limit of an answer: more than two of the longest exposures.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// Serves a bench on a socket, one thread per connection, until `stop` says so.
+/// Serves a bench on a socket, one thread per connection, until `stop` returns true.
 ///
 /// # Errors
-/// The socket cannot be made.
+/// The socket cannot be created.
 pub fn serve(bench: &SharedBench, path: &Path, stop: impl Fn() -> bool) -> io::Result<()> {
-    // A socket that nobody listens to is left from a killed bench.
+    // A socket without a listener is left from a killed bench.
     if UnixStream::connect(path).is_err() {
         match std::fs::symlink_metadata(path) {
             Ok(found) if std::os::unix::fs::FileTypeExt::is_socket(&found.file_type()) => std::fs::remove_file(path)?,
@@ -40,18 +42,18 @@ pub fn serve(bench: &SharedBench, path: &Path, stop: impl Fn() -> bool) -> io::R
                 let bench = bench.clone();
                 std::thread::spawn(move || serve_one(&bench, stream));
             }
-            // Also passing troubles, such as too many open files, go away by waiting.
+            // Temporary errors, such as too many open files, are retried.
             Err(_) => std::thread::sleep(Duration::from_millis(2)),
         }
     }
     match std::fs::remove_file(path) {
-        // Somebody tidied up.
+        // The socket was already removed.
         Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(()),
         other => other,
     }
 }
 
-/// One connection.
+/// Serves one connection.
 fn serve_one(bench: &SharedBench, stream: UnixStream) {
     let reader = stream.set_nonblocking(false).and_then(|()| stream.try_clone()).map(BufReader::new);
     if let Ok(reader) = reader {
@@ -59,8 +61,10 @@ fn serve_one(bench: &SharedBench, stream: UnixStream) {
     }
 }
 
-/// Answers the requests of one connection until it ends. A panel whose connection closes goes black, as the page in a browser does
-/// without heartbeat; the flash stays as it is, as a relay does.
+/// Answers the requests of one connection until it ends.
+///
+/// When the panel's connection closes, the panel goes black, like the page in a browser without heartbeat. The flash
+/// keeps its state, like a relay.
 pub fn answer_all(bench: &SharedBench, mut requests: impl BufRead, mut answers: impl Write) {
     let mut showed = false;
     while let Ok(Some(line)) = read_line(&mut requests) {
@@ -100,7 +104,7 @@ fn read_line(reader: &mut impl BufRead) -> io::Result<Option<Vec<u8>>> {
     }
 }
 
-/// A bench in another process.
+/// Client of a bench in another process.
 pub struct RemoteBench {
     reader: BufReader<UnixStream>,
     path: PathBuf,
@@ -110,7 +114,7 @@ impl RemoteBench {
     /// Connects to a bench's socket.
     ///
     /// # Errors
-    /// `Setup` when nobody listens there.
+    /// `Setup` when no bench listens there.
     pub fn connect(path: &Path) -> DeviceResult<Self> {
         let opened = UnixStream::connect(path).and_then(|s| s.set_read_timeout(Some(PATIENCE)).map(|()| s));
         let stream = opened.map_err(|e| {
@@ -121,7 +125,7 @@ impl RemoteBench {
         Ok(Self::over(stream, path))
     }
 
-    /// Over an open connection; `path` names it in messages.
+    /// Uses an open connection; `path` names it in messages.
     pub fn over(stream: UnixStream, path: &Path) -> Self {
         Self { reader: BufReader::new(stream), path: path.to_path_buf() }
     }
@@ -139,7 +143,7 @@ impl RemoteBench {
             let pixels = width.checked_mul(*height).filter(|n| *n <= MAX_PIXELS).ok_or(io::ErrorKind::InvalidData)?;
             let follows = matches!(request, Request::NextFrame { fresh } if fresh.accepts(*stamp));
             let size = if follows { 2 * pixels } else { 0 };
-            // Memory grows with what arrives, not with what the line promises.
+            // Memory grows with the received bytes, not with the length in the line, which may be wrong.
             let mut bytes = vec![];
             self.reader.by_ref().take(size as u64).read_to_end(&mut bytes)?;
             if bytes.len() < size {
@@ -151,7 +155,7 @@ impl RemoteBench {
     }
 }
 
-/// The clock of a bench in another process.
+/// Clock of a bench in another process.
 pub struct RemoteClock {
     bench: Mutex<(RemoteBench, Duration)>,
 }
@@ -160,14 +164,14 @@ impl RemoteClock {
     /// Connects to a bench's socket.
     ///
     /// # Errors
-    /// `Setup` when nobody listens there.
+    /// `Setup` when no bench listens there.
     pub fn connect(path: &Path) -> DeviceResult<Self> {
         Ok(Self { bench: Mutex::new((RemoteBench::connect(path)?, Duration::ZERO)) })
     }
 }
 
 impl Clock for RemoteClock {
-    /// The time when it last answered, for a bench that is gone.
+    /// Time of the last answer, if the bench is gone.
     fn now(&self) -> Duration {
         let mut bench = self.bench.lock().unwrap_or_else(PoisonError::into_inner);
         if let Ok(Reply::At(now)) = bench.0.call(&Request::Now) {
@@ -199,7 +203,7 @@ mod tests {
     use nacre_drivers::Freshness;
     use std::net::Shutdown;
 
-    /// Found by fuzzing: times that no sum holds.
+    /// Found by fuzzing: times whose sum overflows.
     #[test]
     fn settings_that_the_camera_does_not_have_are_refused_and_the_connection_goes_on() {
         let config = BenchConfig::from_toml("camera = { width = 8, height = 6 }").unwrap();

@@ -1,43 +1,43 @@
-//! The analyser's rotation stage: it takes time, overshoots a little, and misses by its backlash.
+//! Rotation stage of the analyser, with travel time, ringing, backlash and random error.
 
 use crate::config::StageConfig;
 use crate::random::{key, normals};
 use std::time::Duration;
 
-/// Ringing after a move starts at this many degrees and dies out within the settling time.
+/// Amplitude in degrees of the ringing after a move; it decays within the settling time.
 const RINGING_DEG: f64 = 0.5;
 
 /// A simulated stage. Angles in degrees.
 pub struct Stage {
     config: StageConfig,
     seed: u64,
-    /// Moves, newest last; older ones still matter for exposures that straddle a command.
+    /// Moves, newest last. Older ones are needed for exposures that began before the last command.
     moves: Vec<Move>,
 }
 
 #[derive(Clone, Copy)]
 struct Move {
     start: Duration,
-    /// Standing still from here on, but for ringing.
+    /// Time of arrival; afterwards only ringing remains.
     arrival: Duration,
     from: f64,
     to: f64,
 }
 
 impl Stage {
-    /// A stage at 0°, at rest.
+    /// A stage at rest at 0°.
     pub fn new(config: &StageConfig, seed: u64) -> Self {
         let rest = Move { start: Duration::ZERO, arrival: Duration::ZERO, from: 0.0, to: 0.0 };
         Self { config: config.clone(), seed, moves: vec![rest] }
     }
 
-    /// Starts a move; returns when it is over, settling included.
+    /// Starts a move; returns the time at which the stage has settled.
     pub fn move_to(&mut self, target_deg: f64, now: Duration) -> Duration {
         let from = self.angle(now);
         let travel = (target_deg - from).abs();
         let missed = if target_deg < from { self.config.backlash_deg } else { 0.0 };
-        // The same approach ends at the same angle: the error belongs to target and direction, so that a resumed
-        // session sees what an uninterrupted one saw.
+        // The error depends on target and direction only. The same approach ends at the same angle, so a resumed
+        // session sees the same angles as an uninterrupted one.
         let [random, _] = normals(key(&[self.seed, 0x57a6e, target_deg.to_bits(), u64::from(target_deg < from)]));
         let arrival = now + Duration::from_secs_f64(travel / self.config.speed_deg_s);
         let to = target_deg + missed + self.config.repeatability_deg * random;
@@ -45,7 +45,7 @@ impl Stage {
         arrival + self.settling()
     }
 
-    /// Ends a movement at once.
+    /// Stops a movement at once.
     pub fn halt(&mut self, now: Duration) {
         let here = self.angle(now);
         self.begin(Move { start: now, arrival: now, from: here, to: here });
@@ -58,7 +58,7 @@ impl Stage {
         }
     }
 
-    /// True angle at a time not before the last few moves.
+    /// True angle at a time no earlier than the last few moves.
     pub fn angle(&self, at: Duration) -> f64 {
         let Some(m) = self.moves.iter().rev().find(|m| m.start <= at).or(self.moves.first()) else { return 0.0 };
         if at >= m.arrival {
@@ -70,7 +70,7 @@ impl Stage {
             if since >= settling {
                 return m.to;
             }
-            // Down to 1e-4 of the start at the end of the settling time.
+            // Decays to 1e-4 of the initial amplitude within the settling time.
             return m.to + RINGING_DEG * (-9.2 * since / settling).exp() * (40.0 * since / settling).cos();
         }
         let share = (at.saturating_sub(m.start)).as_secs_f64() / (m.arrival - m.start).as_secs_f64();

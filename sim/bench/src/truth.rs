@@ -1,14 +1,17 @@
-//! What the sample really is, as a file.
+//! Ground truth of the sample, as a file.
 
 use crate::bench::Bench;
 use nacre_base::Result;
 use nacre_image::{Attribute, write_exr};
 use std::path::Path;
 
-/// Writes `truth.exr`: orientation (rad), period (µm) and purity of every pixel, as seen without a wedge; the wedge's
-/// length is an attribute, and [`BenchConfig::shift_px`](crate::BenchConfig::shift_px) the shift at any angle.
+/// Writes `truth.exr`: orientation (rad), period (µm) and purity of every pixel, without the wedge's shift.
+///
+/// The wedge's length is an attribute; [`BenchConfig::shift_px`](crate::BenchConfig::shift_px) gives the shift at any
+/// angle.
 ///
 /// # Errors
+/// `Output` when writing fails.
 /// `Output` when writing fails.
 pub fn write_truth(bench: &Bench, path: &Path) -> Result<()> {
     let (truth, camera) = (bench.truth(), &bench.config().camera);
@@ -26,7 +29,7 @@ pub fn write_truth(bench: &Bench, path: &Path) -> Result<()> {
     })
 }
 
-/// The bench as a whole: frames that are fresh, reproducible, and show the sample.
+/// Tests of the whole bench: frames are fresh and reproducible, and show the sample.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -59,7 +62,7 @@ mod tests {
         }
     }
 
-    /// One fresh frame at each angle, and the stale ones dropped.
+    /// One fresh frame at each angle, and the number of stale frames dropped.
     fn capture(bench: &mut Bench, shining: Shining, angles_deg: &[f64]) -> (Vec<Vec<u16>>, u32) {
         let exposure = Duration::from_secs_f64(bench.config().camera.power_on_exposure_s());
         let (mut frames, mut dropped) = (vec![], 0);
@@ -115,20 +118,21 @@ mod tests {
         let both = level(Shining { flash: true, ..disc(180.0) });
         assert!(covered.abs() < 0.1 && ambient > 0.1, "{covered} {ambient}");
         assert!(whole > 1.2 * half && half > 2.0 * ambient, "{whole} {half}");
-        // A small lamp lights few orientations, but those brightly.
+        // A small lamp lights few orientations, but brightly.
         let glint = |codes: Vec<u16>| codes.into_iter().max().map_or(0.0, |c| f64::from(c) - 64.0);
         let (lit, unlit) = (glint(codes(Shining { flash: true, ..black })), glint(codes(black)));
         assert!(lit > 2.0 * unlit, "{lit} {unlit}");
         assert!((both - (whole + flash - ambient)).abs() < 0.01 * both, "{both} {whole} {flash} {ambient}");
     }
 
-    /// A disc to one side is mirrored, or diffracted, where a disc in the middle is not.
+    /// An off-axis disc lights the pixels of one orientation, as the grating equation predicts.
     #[test]
     fn spots_light_the_orientations_they_stand_for() {
         let mut config = small();
         config.sample.period_um = Some(1.0);
         let (distance, half) = (config.geometry.distance_mm, 0.5 * config.geometry.baseline_mm);
-        // Grating equation for the middle of the field: the mirror direction's sines and λ/period along the grating vector.
+        // Grating equation at the centre of the field: sines of the mirror direction and λ/period along the grating
+        // vector.
         let spot = |angle: f64| {
             let u = half / half.hypot(distance) + 0.55 * angle.cos();
             let v = 0.55 * angle.sin();
@@ -155,7 +159,7 @@ mod tests {
         }
     }
 
-    /// Without the freshness rule the queue's stale frames would be taken: 12 angles would all show the first.
+    /// Without the freshness rule, the queue's stale frames would be accepted: 12 angles would all show the first.
     #[test]
     fn stale_frames_are_dropped() {
         let mut bench = Bench::new(&small(), &Silent).unwrap();
@@ -170,7 +174,7 @@ mod tests {
         assert!(mean < 80.0, "the oldest frame in the queue was taken before the light was on: {mean}");
     }
 
-    /// 10,000 frames under random changes: with the rule none is stale, without it many are.
+    /// 10,000 frames under random changes: with the freshness rule none is stale, without it many are.
     #[test]
     fn no_stale_frame_is_used_whatever_changes() {
         let (mut stale_with, mut stale_without, mut frames) = (0, 0, 0);
@@ -219,7 +223,7 @@ mod tests {
         assert!(stale_without > 2000, "{stale_without}");
     }
 
-    /// The whole chain against the sample's truth: noise-free in all but name, no film, small angles of incidence.
+    /// The whole chain against the sample's truth: almost no noise, no film, small angles of incidence.
     #[test]
     fn the_bench_shows_the_orientation_of_its_sample() {
         let mut config = small();

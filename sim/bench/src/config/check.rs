@@ -1,10 +1,10 @@
-//! Reading a bench, and refusing impossible ones.
+//! Reads and checks bench configurations.
 
 use super::{BenchConfig, FaultKind, FaultyDevice};
 use nacre_base::text::from_toml;
 
 impl FaultKind {
-    /// Whether a device can fail in this way.
+    /// Whether a device can have this fault.
     fn befalls(self, device: FaultyDevice) -> bool {
         use FaultyDevice::{Camera, Clock, Display, Flash, Interlock, Stage};
         match self {
@@ -23,17 +23,17 @@ impl BenchConfig {
     /// Reads a bench from TOML.
     ///
     /// # Errors
-    /// A sentence that names the key, what was found and what is allowed.
+    /// A sentence with the key, its value and the allowed range.
     pub fn from_toml(text: &str) -> Result<Self, String> {
         let config: Self = from_toml(text)?;
         config.validate()?;
         Ok(config)
     }
 
-    /// Checks every number.
+    /// Checks all values.
     ///
     /// # Errors
-    /// A sentence that names the key, what was found and what is allowed.
+    /// A sentence with the key, its value and the allowed range.
     pub fn validate(&self) -> Result<(), String> {
         self.sample.validate()?;
         let rigorous = self.grating.rigorous.clone().unwrap_or_default();

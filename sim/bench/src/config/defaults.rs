@@ -1,4 +1,4 @@
-//! The bench as it is when nothing is said.
+//! Defaults of the bench.
 
 use super::{
     CameraConfig, FilmConfig, FilterConfig, FlashConfig, GeometryConfig, GratingConfig, PanelConfig, RigorousConfig,

@@ -1,4 +1,4 @@
-//! `bench.toml`: everything about the virtual bench that can be turned.
+//! `bench.toml`: configuration of the virtual bench.
 
 mod check;
 mod defaults;
@@ -9,17 +9,17 @@ use nacre_base::Version;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The virtual bench. Every key may be left out; its default is printed by `nacre schema bench`.
+/// The virtual bench. All keys are optional; `nacre schema bench` prints the defaults.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BenchConfig {
     /// Version of the format.
     pub version: Version<1>,
-    /// Seed of everything random: sample, defects, noise.
+    /// Seed of all random numbers: sample, defects, noise.
     pub seed: u64,
-    /// The surface on the table.
+    /// The sample on the table.
     pub sample: SampleConfig,
-    /// How the grating changes polarization.
+    /// Effect of the grating on polarization.
     pub grating: GratingConfig,
     /// The transparent film over the grating.
     pub film: FilmConfig,
@@ -29,15 +29,15 @@ pub struct BenchConfig {
     pub filter: FilterConfig,
     /// The camera.
     pub camera: CameraConfig,
-    /// The analyser itself.
+    /// The analyser.
     pub analyser: AnalyserConfig,
-    /// The stage that turns the analyser.
+    /// The rotation stage of the analyser.
     pub stage: StageConfig,
     /// The flash.
     pub flash: FlashConfig,
-    /// Where things stand.
+    /// Distances.
     pub geometry: GeometryConfig,
-    /// What goes wrong.
+    /// Faults of devices.
     pub faults: Vec<FaultConfig>,
 }
 
@@ -45,9 +45,9 @@ pub struct BenchConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlashConfig {
-    /// To the right of the point between camera and panel, in mm.
+    /// Position to the right of the midpoint between camera and panel, in mm.
     pub x_mm: f64,
-    /// Above it, in mm.
+    /// Position above that point, in mm.
     pub y_mm: f64,
     /// Diameter in mm.
     pub diameter_mm: f64,
@@ -55,7 +55,7 @@ pub struct FlashConfig {
     pub power: f64,
     /// Time until the light is steady, in ms.
     pub settle_ms: f64,
-    /// It must not be on for longer than this, in seconds.
+    /// Longest on-time in seconds.
     pub max_on_s: f64,
 }
 
@@ -63,14 +63,14 @@ pub struct FlashConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FaultConfig {
-    /// Which device.
+    /// The faulty device.
     pub device: FaultyDevice,
-    /// What it does.
+    /// Kind of the fault.
     pub kind: FaultKind,
-    /// Commands that it carries out properly before (descriptions do not count).
+    /// Number of commands before the fault; descriptions do not count.
     #[serde(default)]
     pub after: u64,
-    /// Commands that fail; all further ones when it is not given.
+    /// Number of commands that fail. Default: all further ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<u64>,
 }
@@ -87,23 +87,23 @@ pub enum FaultyDevice {
     Display,
     /// The flash.
     Flash,
-    /// The door switch; counts how often its level is asked for.
+    /// The door switch; counts queries of its level.
     Interlock,
-    /// The clock that all devices report; counts commands to all devices.
+    /// The clock of all devices; counts commands to all devices.
     Clock,
 }
 
-/// Ways to fail.
+/// Kinds of faults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
-    /// Any device: no answer within the driver's time.
+    /// Any device: no answer within the driver's time limit.
     Silent,
-    /// Any device: the link is gone.
+    /// Any device: the connection is lost.
     Lost,
-    /// Stage: stands still half-way and says where.
+    /// Stage: stops half-way and reports that angle.
     StopsShort,
-    /// Stage: answers something that is no angle.
+    /// Stage: answers with an invalid angle.
     Nonsense,
     /// Camera: frames of another size.
     WrongSize,
@@ -111,15 +111,15 @@ pub enum FaultKind {
     Damaged,
     /// Display: acknowledges another pattern.
     OtherPattern,
-    /// Flash: the state read back is the opposite.
+    /// Flash: reads back the opposite state.
     WrongState,
     /// Interlock: opens.
     Opens,
-    /// Clock: is set back by an hour.
+    /// Clock: set back by an hour.
     SetBack,
 }
 
-/// The grating's Jones matrix is diag(-1, R) along and across its vector, R = r·exp(iζ) (2018 paper, Eq. 6); a
+/// Jones matrix of the grating: diag(-1, R) along and across its vector, with R = r·exp(iζ) (2018 paper, Eq. 6). A
 /// mirror has R = -1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -128,51 +128,53 @@ pub struct GratingConfig {
     pub r: f64,
     /// Phase of R at 1 µm period, in degrees.
     pub zeta_deg: f64,
-    /// Weakens the grating's effect on polarization: 1 as given, 0 that of a mirror.
+    /// Strength of the grating's effect on polarization: from 0 (mirror) to 1 (R as given).
     pub ellipticity: f64,
-    /// ln r and ζ - 180° grow as (1 µm / period) to this power; 0 makes them the same for all periods.
+    /// Exponent of the growth of ln r and ζ - 180° with (1 µm / period); 0 makes R equal for all periods.
     pub period_power: f64,
-    /// Takes R from Maxwell's equations at normal incidence instead, for every period and wavelength; `r`, `zeta_deg`
-    /// and `period_power` then do not count.
+    /// Computes R from Maxwell's equations at normal incidence, for every period and wavelength. Then `r`, `zeta_deg`
+    /// and `period_power` have no effect.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rigorous: Option<RigorousConfig>,
 }
 
-/// The sinusoidal metal surface under the film whose R is computed rigorously.
+/// Sinusoidal metal surface under the film, for the rigorous computation of R.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RigorousConfig {
-    /// Depth of the surface, peak to peak, in µm; apart from the sample's, which decides how much light the orders get.
+    /// Peak-to-peak depth of the surface in µm. It is independent of the sample's depth, which sets the diffraction
+    /// efficiencies.
     pub depth_um: f64,
     /// Real part of the metal's refractive index.
     pub metal_n: f64,
     /// Imaginary part of the metal's refractive index, positive.
     pub metal_k: f64,
-    /// Largest error of R, solver and interpolation over the period together.
+    /// Largest error of R, of the solver and the interpolation over the period.
     pub max_error: f64,
 }
 
-/// Plastic film: birefringent, and reflecting at its front (2018 paper, Eq. 4).
+/// Plastic film: birefringent, with a front reflection (2018 paper, Eq. 4).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FilmConfig {
-    /// Retardance of one pass at the filter's middle wavelength, in degrees.
+    /// Retardance of one pass at the filter's centre wavelength, in degrees.
     pub retardance_deg: f64,
     /// Azimuth of the film's axis in degrees.
     pub axis_deg: f64,
-    /// Amplitude of the front reflection, relative to the incident field.
+    /// Amplitude of the front reflection relative to the incident field.
     pub front_reflection: f64,
-    /// Phase of the front reflection, in degrees (the film's thickness shifts it).
+    /// Phase of the front reflection in degrees; it depends on the film's thickness.
     pub front_phase_deg: f64,
     /// Refractive index.
     pub index: f64,
 }
 
-/// The LCD as light: a white disc behind a quarter-wave retarder.
+/// The LCD as light source: a white disc behind a quarter-wave retarder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PanelConfig {
-    /// Diameter of the white disc in mm; by default it just fills every pixel's mirror direction, at least 180 mm.
+    /// Diameter of the white disc in mm. Default: the smallest disc that fills every pixel's mirror direction, at
+    /// least 180 mm.
     pub disc_mm: Option<f64>,
     /// Width and height of the panel in mm.
     pub size_mm: [f64; 2],
@@ -180,23 +182,23 @@ pub struct PanelConfig {
     pub polarization_deg: f64,
     /// Direction of the retarder's axis, in degrees.
     pub retarder_deg: f64,
-    /// The retarder's retardance at the filter's middle wavelength, in degrees (ideal: 90).
+    /// Retardance of the retarder at the filter's centre wavelength, in degrees (ideal: 90).
     pub retardance_deg: f64,
-    /// Loss of luminance at an angle: luminance ∝ cos^falloff.
+    /// Exponent of the luminance at an angle: luminance ∝ cos^falloff.
     pub falloff: f64,
-    /// Unpolarized light from elsewhere, relative to the panel as seen in a mirror.
+    /// Unpolarized ambient light, relative to the panel as seen in a mirror.
     pub ambient: f64,
-    /// What its luminance grows with: the code, of 8 bits, to this power.
+    /// Exponent of the tone curve: luminance ∝ (8-bit code)^gamma.
     pub gamma: f64,
-    /// Time until a new pattern is there, in ms, although the panel says that it is there at once.
+    /// Delay in ms until a new pattern is visible; the panel acknowledges it at once.
     pub lag_ms: f64,
 }
 
-/// Colour filter in front of the camera, a Gaussian band.
+/// Colour filter in front of the camera, with a Gaussian band.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FilterConfig {
-    /// Middle of the band in nm.
+    /// Centre wavelength in nm.
     pub wavelength_nm: f64,
     /// Full width at half maximum in nm.
     pub band_nm: f64,
@@ -208,45 +210,45 @@ pub struct FilterConfig {
 pub struct CameraConfig {
     /// Pixels per row.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
-    /// Exposure time in ms; without it the bench is metered so that no pixel saturates at any analyser angle.
+    /// Exposure time in ms. Default: metered so that no pixel saturates at any analyser angle.
     pub exposure_ms: Option<f64>,
-    /// Gain.
+    /// Gain, 1 to 100.
     pub gain: f64,
-    /// Electrons that fill a pixel.
+    /// Full-well capacity in electrons.
     pub well_e: f64,
-    /// Read noise in electrons, standard deviation.
+    /// Standard deviation of the read noise in electrons.
     pub read_noise_e: f64,
-    /// Bits of the converter, 8 to 16.
+    /// Bits of the analog-to-digital converter, 8 to 16.
     pub bits: u32,
-    /// Code of no light.
+    /// Code of black.
     pub black_level: u32,
-    /// Electrons per ms from a perfect mirror.
+    /// Sensitivity in electrons per ms for a perfect mirror.
     pub sensitivity_e_ms: f64,
     /// Readout time in ms.
     pub readout_ms: f64,
-    /// Frames that wait in the camera's queue, stale after any change.
+    /// Frames in the camera's queue, which are stale after any change.
     pub queue: u32,
-    /// Frames until a changed exposure or gain acts.
+    /// Frames until a changed exposure or gain takes effect.
     pub lag_frames: u32,
     /// Standard deviation of the lens blur in pixels.
     pub blur_px: f64,
-    /// Loss of light in the corners, 0 to 1.
+    /// Fraction of light that is lost in the corners, 0 to 1.
     pub vignetting: f64,
-    /// Diameter of the aperture in mm; softens the edge of the disc.
+    /// Diameter of the aperture in mm; it softens the edge of the disc.
     pub aperture_mm: f64,
-    /// Rays per pixel along each side.
+    /// Rays per pixel along each axis.
     pub subsamples: u32,
 }
 
-/// The analyser: a plate whose faces are not quite parallel shifts the image.
+/// The analyser: a slightly wedged plate, which shifts the image.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AnalyserConfig {
-    /// Length of the shift in pixels; it points along the analyser's angle and turns with it.
+    /// Length of the image shift in pixels; it points along the analyser's angle and turns with it.
     pub wedge_px: f64,
-    /// Random shift of each angle besides, standard deviation per direction in pixels.
+    /// Additional random shift per angle: standard deviation per axis in pixels.
     pub jitter_px: f64,
 }
 
@@ -256,15 +258,15 @@ pub struct AnalyserConfig {
 pub struct StageConfig {
     /// Speed in degrees per second.
     pub speed_deg_s: f64,
-    /// Time until it stands still after a move, in ms.
+    /// Settling time after a move in ms.
     pub settle_ms: f64,
-    /// Angle missed when it arrives from above, in degrees.
+    /// Angle error when it arrives from above, in degrees.
     pub backlash_deg: f64,
-    /// Random error of each move, standard deviation in degrees.
+    /// Standard deviation of the angle error of a move, in degrees.
     pub repeatability_deg: f64,
-    /// Lowest and highest angle that it takes.
+    /// Smallest and largest angle in degrees.
     pub limits_deg: [f64; 2],
-    /// Light through parallel over light through crossed polarizers.
+    /// Extinction ratio: transmission through parallel over crossed polarizers.
     pub extinction_ratio: f64,
 }
 
@@ -272,24 +274,24 @@ pub struct StageConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GeometryConfig {
-    /// Sample to camera and to panel, in mm.
+    /// Distance from sample to camera and to panel, in mm.
     pub distance_mm: f64,
-    /// Camera to the middle of the panel, in mm; the sample lies half-way.
+    /// Distance from camera to the panel's centre in mm; the sample faces the midpoint.
     pub baseline_mm: f64,
 }
 
 impl CameraConfig {
-    /// Exposure with which the camera begins to stream, in seconds: as configured, or 10 ms.
+    /// Exposure time in seconds with which the camera starts to stream: as configured, or 10 ms.
     pub fn power_on_exposure_s(&self) -> f64 {
         self.exposure_ms.unwrap_or(10.0) / 1000.0
     }
 }
 
 impl BenchConfig {
-    /// By how many pixels the image is shifted, right and down, with the analyser at this angle.
+    /// Image shift in pixels, right and down, at this analyser angle.
     pub fn shift_px(&self, analyser_deg: f64) -> [f64; 2] {
         let AnalyserConfig { wedge_px, jitter_px } = self.analyser;
-        // The same angle is shifted in the same way, whatever is left of the stage's ringing.
+        // Rounded to 0.1°, so that ringing of the stage does not change the random shift.
         let tenths = (10.0 * analyser_deg).round() as i64 as u64;
         let random = normals(key(&[self.seed, 0x3ed6e, tenths]));
         let (sin, cos) = analyser_deg.to_radians().sin_cos();
@@ -299,8 +301,8 @@ impl BenchConfig {
     /// Diameter of the white disc in mm.
     pub fn disc_mm(&self) -> f64 {
         let aperture = self.camera.aperture_mm;
-        // The mirror directions of the field's corners reach twice as far on the panel. A compact disc has no corners, and a
-        // larger light brings its first orders in, which are brighter than the mirrored light.
+        // The mirror directions of the field's corners reach twice as far on the panel. A compact disc has no corners,
+        // and a larger light would add its first orders, which are brighter than the mirrored light.
         let needed = match self.sample.kind {
             SampleKind::Cd => 2.0 * self.sample.size_mm() + aperture,
             _ => 2.0 * 2f64.sqrt() * self.sample.field_mm() + 2.0 * aperture,
