@@ -1,4 +1,4 @@
-//! The bench: sample, panel, flash, analyser stage and camera on one clock.
+//! The bench: sample, panel, flash, analyser stage and camera with a common clock.
 
 use crate::camera::{Camera, Exposed, Settings};
 use crate::config::{BenchConfig, CameraConfig};
@@ -14,43 +14,43 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Rendered lights that are always kept: pattern, flash, and those just left.
+/// Number of rendered lights that are always cached: pattern, flash, and the previous ones.
 const KEPT_LIGHTS: usize = 4;
 
-/// Bytes of rendered lights that are kept: metering shows some of a scan's patterns beforehand.
+/// Bytes of cached lights. Metering shows some patterns of a scan before the scan does.
 const KEPT_BYTES: usize = 64 << 20;
 
-/// Changes of the light that are kept; an exposure that straddles more sees the newest of them.
+/// Number of recorded changes of the light. An exposure over more changes uses the newest ones.
 const KEPT_CHANGES: usize = 16;
 
-/// A simulated bench. Only [`Bench::advance_to`] moves its time.
+/// A simulated bench. Only [`Bench::advance_to`] advances its time.
 pub struct Bench {
     config: BenchConfig,
     now: Duration,
     scene: Scene,
     ambient: Vec<f32>,
     truth: Truth,
-    /// Newest last.
+    /// Rendered lights, newest last.
     lights: VecDeque<(Source, Arc<StokesImage>)>,
-    /// What shone since when, newest last.
+    /// States of the light with their start times, newest last.
     changes: VecDeque<(Duration, Shining)>,
     stage: Stage,
     camera: Camera,
     steady_since: Duration,
 }
 
-/// What shines on the sample, and whether the camera can see it.
+/// State of light sources and shutter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shining {
-    /// What the panel shows.
+    /// Pattern on the panel.
     pub pattern: Pattern,
-    /// The flash is on.
+    /// Whether the flash is on.
     pub flash: bool,
-    /// The camera's shutter is closed.
+    /// Whether the camera's shutter is closed.
     pub covered: bool,
 }
 
-/// A part of an exposure under one source; none for the dark.
+/// Part of an exposure under one source; darkness has no entry.
 struct Lit {
     share: f64,
     source: Source,
@@ -58,7 +58,7 @@ struct Lit {
 }
 
 impl Bench {
-    /// Builds the bench; the panel is black, the flash off, the analyser at 0°.
+    /// Builds the bench: the panel is black, the flash off, the analyser at 0°.
     ///
     /// # Errors
     /// `Cancelled`; a rigorous R (`[grating.rigorous]`) that cannot be computed to the requested error.
@@ -80,20 +80,20 @@ impl Bench {
         })
     }
 
-    /// The configuration it was built from.
+    /// The bench's configuration.
     pub fn config(&self) -> &BenchConfig {
         &self.config
     }
 
-    /// What the sample really is.
+    /// Ground truth of the sample.
     pub fn truth(&self) -> &Truth {
         &self.truth
     }
 
-    /// What the sample is, seen with the photograph shifted by so many pixels to the right and down.
+    /// Ground truth of the sample in a photograph shifted by `shift_px` pixels, right and down.
     ///
     /// # Errors
-    /// None but a defect of the program.
+    /// Never, except for a defect of the program.
     pub fn truth_shifted(&self, shift_px: [f64; 2]) -> Result<Truth> {
         Ok(self.scene.survey(shift_px, &Silent)?.0)
     }
@@ -103,12 +103,12 @@ impl Bench {
         1000.0 * self.scene.pixel_mm()
     }
 
-    /// Time now.
+    /// Current time.
     pub fn now(&self) -> Duration {
         self.now
     }
 
-    /// Lets time pass; never back.
+    /// Advances the time; earlier times have no effect.
     pub fn advance_to(&mut self, time: Duration) {
         self.now = self.now.max(time);
         self.camera.advance(self.now);
@@ -119,30 +119,30 @@ impl Bench {
         self.camera.readout()
     }
 
-    /// Starts turning the analyser; returns when it has settled.
+    /// Starts turning the analyser; returns the time at which it has settled.
     pub fn turn_analyser(&mut self, angle_deg: f64) -> Duration {
         let settled = self.stage.move_to(angle_deg, self.now);
         self.steady_since = settled;
         settled
     }
 
-    /// Ends a movement of the analyser where it is.
+    /// Stops a movement of the analyser.
     pub fn halt_analyser(&mut self) {
         self.stage.halt(self.now);
         self.steady_since = self.now;
     }
 
-    /// Where the analyser really stands.
+    /// True angle of the analyser.
     pub fn analyser_deg(&self) -> f64 {
         self.stage.angle(self.now)
     }
 
-    /// What shines now.
+    /// Current state of the light.
     pub fn shining(&self) -> Shining {
         self.changes.back().map_or(Shining { pattern: Pattern::Black, flash: false, covered: false }, |c| c.1)
     }
 
-    /// Changes what shines, which is steady after `settling`. Light that was not rendered before is rendered now.
+    /// Changes the light, which is steady after `settling`. Light that is not cached is rendered now.
     pub fn shine(&mut self, shining: Shining, settling: Duration) {
         self.steady_since = self.steady_since.max(self.now + settling);
         if shining != self.shining() {
@@ -153,7 +153,7 @@ impl Bench {
         }
     }
 
-    /// Flash and shutter change at once, a panel that lags later.
+    /// Records a change. Flash and shutter change at once, a lagging panel later.
     fn change(&mut self, shining: Shining) {
         let lag = Duration::from_secs_f64(self.config.panel.lag_ms / 1000.0);
         let asked = self.shining().pattern;
@@ -175,12 +175,12 @@ impl Bench {
         self.camera.set(Settings { exposure_s, gain });
     }
 
-    /// The next frame in the camera's queue, however old; none while the queue is empty.
+    /// The oldest frame in the camera's queue; `None` if the queue is empty.
     pub fn take_frame(&mut self) -> Option<Exposed> {
         self.camera.take()
     }
 
-    /// When the frame that is being exposed will be in the queue.
+    /// Time at which the current exposure will be in the queue.
     pub fn next_frame_at(&self) -> Duration {
         self.camera.next_end()
     }
@@ -204,7 +204,7 @@ impl Bench {
     fn rendered(&mut self, source: &Source) {
         let light = match self.lights.iter().position(|(s, _)| s == source).and_then(|at| self.lights.remove(at)) {
             Some((_, light)) => light,
-            // Nobody cancels `Silent`.
+            // Rendering can only be cancelled, which `Silent` never does.
             None => match self.scene.render(source, [0.0; 2], &Silent) {
                 Ok(light) => Arc::new(light),
                 Err(_) => return,
@@ -218,7 +218,7 @@ impl Bench {
         }
     }
 
-    /// The sources that lit an exposure with their shares of its time, and the share with an open shutter.
+    /// The sources during an exposure with their fractions of its time, and the fraction with an open shutter.
     fn lit(&self, start: Duration, end: Duration) -> (Vec<Lit>, f64) {
         let length = end.saturating_sub(start).as_secs_f64();
         let ends = self.changes.iter().skip(1).map(|c| c.0).chain([Duration::MAX]);
@@ -241,10 +241,10 @@ impl Bench {
         (lit, open)
     }
 
-    /// The same light through a wedge, rendered anew so that no interpolation stands between sample and camera.
+    /// The same light through a wedge, rendered again so that no interpolation blurs the sample.
     fn shifted(&self, mut lit: Vec<Lit>, shift: [f64; 2]) -> (Vec<Lit>, Option<Vec<f32>>) {
         for lit in &mut lit {
-            // Nobody cancels `Silent`.
+            // Rendering can only be cancelled, which `Silent` never does.
             if let Ok(light) = self.scene.render(&lit.source, shift, &Silent) {
                 lit.light = Arc::new(light);
             }
@@ -252,7 +252,7 @@ impl Bench {
         (lit, self.scene.survey(shift, &Silent).ok().map(|(_, ambient)| ambient))
     }
 
-    /// Codes of one exposure, row-major: the analyser's angle averaged over it, shot and read noise, converter.
+    /// Sensor codes of an exposure, row-major: mean over the analyser angles, shot noise, read noise, quantization.
     pub fn codes(&self, frame: &Exposed) -> Vec<u16> {
         let (end, exposure) = (frame.end - self.camera.readout(), frame.settings.exposure_s);
         let (cos2, sin2) = self.analyser_over(frame.start, end);
@@ -291,13 +291,13 @@ impl Bench {
         codes
     }
 
-    /// A frame's noise belongs to the seed, the physical state it shows and its place in the row of frames since
-    /// that state was reached, so that repeats differ and a repeated session does not.
+    /// Key of a frame's noise: seed, physical state, and number of frames since that state began. Repeated frames
+    /// differ, but a repeated session is identical.
     fn noise_key(&self, frame: &Exposed, [cos2, sin2, open]: [f64; 3], lit: &[Lit]) -> u64 {
         let period = Duration::from_secs_f64(frame.settings.exposure_s) + self.camera.readout();
         let reached = self.steady_since.max(frame.adopted);
         let since = frame.start.saturating_sub(reached).as_nanos() / period.as_nanos().max(1);
-        // Behind a closed shutter the analyser makes no difference.
+        // Behind a closed shutter the analyser has no effect.
         let [cos2, sin2] = if open > 0.0 { [cos2, sin2] } else { [0.0; 2] };
         let mut state = vec![cos2, sin2, open, frame.settings.exposure_s, frame.settings.gain];
         for Lit { share, source, .. } in lit {
@@ -311,7 +311,7 @@ impl Bench {
         key(&[self.config.seed, key(&state), since as u64])
     }
 
-    /// Mean of (cos 2ψ, sin 2ψ) over an exposure, which is all that Malus' law needs.
+    /// Mean of (cos 2ψ, sin 2ψ) over an exposure, which suffices for Malus' law.
     fn analyser_over(&self, start: Duration, end: Duration) -> (f64, f64) {
         const STEPS: u32 = 16;
         let (mut cos, mut sin) = (0.0, 0.0);
@@ -335,7 +335,7 @@ fn vignetting(camera: &CameraConfig, x: usize, y: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// What a lagging panel, flash and shutter let the camera see, after changes while another is on its way.
+    /// Light that the camera sees with a lagging panel, flash and shutter, when changes follow each other.
     #[test]
     fn a_panel_that_lags_holds_nothing_else_up() {
         let mut config = BenchConfig::default();

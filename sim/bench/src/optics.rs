@@ -1,7 +1,7 @@
-//! One ray of the bench by Jones calculus: panel, retarder, film, grating, film, seen by the camera.
+//! One ray of the bench by Jones calculus: panel, retarder, film, grating, film, as seen by the camera.
 //!
-//! Fields are pairs of amplitudes along image right and up, turned with the ray (the smallest rotation that takes
-//! the surface normal to it), so that at normal incidence they are the paper's.
+//! Fields are pairs of amplitudes along image right and up. They rotate with the ray, by the smallest rotation that
+//! takes the surface normal to it. At normal incidence they are those of the paper.
 
 use crate::config::BenchConfig;
 use nacre_base::Result;
@@ -10,13 +10,13 @@ use nacre_optics::rcwa::{ALUMINIUM, Grating, RatioTable};
 use num_complex::Complex;
 use std::f64::consts::TAU;
 
-/// One wavelength of the filter's band with everything that depends on it alone.
+/// One wavelength of the filter's band, with all quantities that depend on the wavelength only.
 pub struct Wavelength {
     /// Wavelength in µm.
     pub um: f64,
-    /// Share of the light.
+    /// Weight in the band; weights sum to 1.
     pub weight: f64,
-    /// Field that leaves the retarder.
+    /// Field behind the retarder.
     source: JonesVector,
     film: FilmAt,
     /// ln r and 180° - ζ (radians) of the grating's R at a period of 1 µm.
@@ -35,14 +35,14 @@ impl Axis {
         Self([cos, sin])
     }
 
-    /// Direction of a vector; x for none.
+    /// Direction of a vector; x for the null vector.
     fn along(x: f64, y: f64) -> Self {
         let length = x.hypot(y);
         if length > 0.0 { Self([x / length, y / length]) } else { Self([1.0, 0.0]) }
     }
 
-    /// A field behind an element that multiplies its parts along and across this axis: `diag(d).turned(angle)` without
-    /// the matrices, since this is the inner loop of rendering.
+    /// Multiplies the components of a field along and across this axis: `diag(d).turned(angle)` without matrices, as
+    /// this is the inner loop of rendering.
     fn act(self, diagonal: [Complex<f64>; 2], field: JonesVector) -> JonesVector {
         let ([c, s], [x, y]) = (self.0, field.0);
         let (along, across) = ((x * c + y * s) * diagonal[0], (y * c - x * s) * diagonal[1]);
@@ -57,20 +57,21 @@ struct FilmAt {
     index: f64,
 }
 
-/// The film's and the metal's Fresnel coefficients at one angle of incidence, relative to normal incidence, along
-/// (p) and across (s) the plane of incidence.
+/// Fresnel coefficients of film and metal at one angle of incidence, relative to normal incidence, along (p) and
+/// across (s) the plane of incidence.
 #[derive(Clone, Copy)]
 pub struct Incidence {
     plane: Axis,
     through: [f64; 2],
     front: [f64; 2],
     metal: [Complex<f64>; 2],
-    /// Cosine of the angle inside the film.
+    /// Cosine of the angle in the film.
     pub cos_inside: f64,
 }
 
-/// The band as three wavelengths: Gauss-Hermite quadrature, exact for a field that varies as a polynomial of degree
-/// five over the band; one wavelength for a laser.
+/// The band as three wavelengths, or one for a laser.
+///
+/// Gauss-Hermite quadrature, exact for fields that vary as a polynomial of degree five over the band.
 ///
 /// # Errors
 /// A rigorous R that cannot be computed to the requested error.
@@ -86,7 +87,7 @@ pub fn band(bench: &BenchConfig) -> Result<Vec<Wavelength>> {
 
 impl Wavelength {
     fn new(bench: &BenchConfig, nm: f64, weight: f64) -> Result<Self> {
-        // Both plates are thin slabs of nearly constant birefringence, so their retardance goes as 1/λ.
+        // Both plates are thin slabs of nearly constant birefringence, so retardance ∝ 1/λ.
         let stretch = bench.filter.wavelength_nm / nm;
         let (panel, film) = (&bench.panel, &bench.film);
         let retarder = Jones::retarder(panel.retarder_deg.to_radians(), panel.retardance_deg.to_radians() * stretch);
@@ -103,8 +104,10 @@ impl Wavelength {
         Ok(Self { um: nm / 1000.0, weight, source, film, ln_r: r.ln(), delta, rigorous: rigorous(bench, nm)? })
     }
 
-    /// `R` of a grating with this period, by Maxwell's equations where the bench asks for it; otherwise ln r and ζ - 180° grow as period^-power, and `ellipticity` draws R towards
-    /// the mirror's -1.
+    /// `R` of a grating with this period.
+    ///
+    /// It is computed from Maxwell's equations if the bench requests it. Otherwise ln r and ζ - 180° grow as
+    /// period^-power. `ellipticity` interpolates between the mirror (R = -1) and R.
     pub fn ratio(&self, period_um: f64, power: f64, ellipticity: f64) -> Complex<f64> {
         if let Some(table) = &self.rigorous {
             return ellipticity * (table.nearest(period_um) + 1.0) - 1.0;
@@ -115,8 +118,10 @@ impl Wavelength {
         ellipticity * (grating + 1.0) - 1.0
     }
 
-    /// Light of one order that comes back towards the camera, for unit panel intensity. `ratio` is the grating's R,
-    /// `amplitude` the order's amplitude efficiency; `specular` adds the film's front reflection, which interferes.
+    /// Light of one order towards the camera, for unit panel intensity.
+    ///
+    /// `ratio` is the grating's R, `amplitude` the order's amplitude efficiency; `specular` adds the film's front
+    /// reflection, which interferes.
     pub fn reflect(
         &self,
         incidence: &Incidence,
@@ -128,7 +133,7 @@ impl Wavelength {
         self.reflect_field(self.source, incidence, orientation, ratio, amplitude, specular)
     }
 
-    /// The same for unpolarized light of the same intensity: the mean of two crossed polarizations.
+    /// Same for unpolarized light of the same intensity: the mean of two orthogonal polarizations.
     pub fn reflect_unpolarized(
         &self,
         incidence: &Incidence,
@@ -175,7 +180,7 @@ impl Wavelength {
         let sin2 = 1.0 - cos * cos;
         let cos_inside = (1.0 - sin2 / (n * n)).sqrt();
         let normal = (1.0 - n) / (1.0 + n);
-        // Transmission in and out again, per axis; its product over both faces is 1 - r², so each way has √(1 - r²).
+        // Transmission in and out, per axis. The product over both passes is 1 - r², so each pass has √(1 - r²).
         let front_s = (cos - n * cos_inside) / (cos + n * cos_inside);
         let front_p = (cos_inside - n * cos) / (cos_inside + n * cos);
         let relative = |r: f64| if normal == 0.0 { 1.0 } else { r / normal };
@@ -192,7 +197,7 @@ impl Wavelength {
     }
 }
 
-/// R over the sample's periods, where the bench asks for Maxwell's equations.
+/// R over the sample's periods, if the bench requests a rigorous computation.
 fn rigorous(bench: &BenchConfig, nm: f64) -> Result<Option<RatioTable>> {
     let Some(config) = &bench.grating.rigorous else { return Ok(None) };
     let periods = bench.sample.periods_um();
@@ -205,8 +210,8 @@ fn rigorous(bench: &BenchConfig, nm: f64) -> Result<Option<RatioTable>> {
     RatioTable::new(&grating, periods, nm, config.max_error).map(Some)
 }
 
-/// Fresnel reflection of aluminium under a film of index `n` at the angle with this cosine: (s, p, normal), with the
-/// sign of p such that both agree at normal incidence.
+/// Fresnel reflection of aluminium under a film of index `n` at this cosine: (s, p, normal). The sign of p makes both
+/// agree at normal incidence.
 fn metal(n: f64, cos: f64) -> (Complex<f64>, Complex<f64>, Complex<f64>) {
     let m = ALUMINIUM;
     let inside = root(1.0 - (n * n * (1.0 - cos * cos)) / (m * m));
@@ -215,7 +220,7 @@ fn metal(n: f64, cos: f64) -> (Complex<f64>, Complex<f64>, Complex<f64>) {
     (s, p, (n - m) / (n + m))
 }
 
-/// Principal square root by real square roots, several times as fast as by an angle.
+/// Principal square root from real square roots, several times faster than in polar form.
 fn root(z: Complex<f64>) -> Complex<f64> {
     let larger = (0.5 * (z.norm_sqr().sqrt() + z.re.abs())).sqrt();
     if larger == 0.0 {
@@ -226,8 +231,10 @@ fn root(z: Complex<f64>) -> Complex<f64> {
     Complex::new(re, im.copysign(z.im))
 }
 
-/// Amplitude efficiency of order `m` of a sinusoid of peak-to-peak depth `depth_um` in a medium of index `n`:
-/// `J_m(k·n·w·h/2)`, w the sum of the cosines (exact in scalar theory; physics of the 2018 paper's Eq. 2 done right).
+/// Amplitude efficiency of order `m` of a sinusoid of peak-to-peak depth `depth_um` in a medium of index `n`.
+///
+/// `J_m(k·n·w·h/2)`, where w is the sum of the cosines. This is exact in scalar theory and corrects Eq. 2 of the 2018
+/// paper.
 pub fn efficiency(m: i32, depth_um: f64, wavelength_um: f64, n: f64, w: f64) -> f64 {
     libm::jn(m, TAU / wavelength_um * n * w * depth_um / 2.0)
 }
@@ -272,7 +279,8 @@ mod tests {
         bench
     }
 
-    /// At normal incidence without film the bench is the paper's closed form (Eq. 9), up to the source's intensity.
+    /// At normal incidence without film, the bench equals the paper's closed form (Eq. 9), up to the source's
+    /// intensity.
     #[test]
     fn normal_incidence_gives_equation_9() {
         let bench = ideal();
@@ -287,13 +295,14 @@ mod tests {
                 let i = 0.5 * (1.0 + (r * r - 1.0) * (1.0 - local.cos()) / 2.0 + r * zeta.sin() * local.sin());
                 let mirrored = 0.5 * (1.0 + (r * r - 1.0) * (1.0 - local.cos()) / 2.0 - r * zeta.sin() * local.sin());
                 let got = light.through_analyser(psi);
-                // The retarder's handedness decides the sign of the last term.
+                // The retarder's handedness determines the sign of the last term.
                 assert!((got - i).abs().min((got - mirrored).abs()) < 1e-12, "{got} {i} {mirrored}");
             }
         }
     }
 
-    /// Fresnel: energy is conserved at the film's face, and s reflects more than p off aluminium away from the normal.
+    /// Fresnel coefficients conserve energy at the film's face, and s reflects more than p off aluminium at oblique
+    /// incidence.
     #[test]
     fn oblique_coefficients_behave() {
         let bench = ideal();
@@ -308,8 +317,8 @@ mod tests {
         assert!(slanted.metal[1].norm() > 1.0 && slanted.metal[0].norm() < 1.0);
     }
 
-    /// Rigorous R shifts the offset between periods as Maxwell's equations say, at every pixel of a rendered sample:
-    /// the emblem's rings of longer periods against its bands.
+    /// A rigorous R shifts the offset between periods as Maxwell's equations predict, at every pixel of a rendered
+    /// sample. The emblem has rings of longer periods and bands.
     #[test]
     fn rigorous_scenes_have_an_offset_per_period() {
         use crate::config::RigorousConfig;

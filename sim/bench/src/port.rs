@@ -1,5 +1,5 @@
-//! The bench behind one door: every request to a simulated device, in this process or over a socket, comes through
-//! [`SharedBench::answer`], where faults strike.
+//! Entry point of the bench: every request to a simulated device passes through [`SharedBench::answer`], which applies
+//! faults.
 
 use crate::bench::{Bench, Shining};
 use crate::config::{FaultKind, FaultyDevice};
@@ -9,39 +9,39 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A driver gives up after this long without an answer.
+/// Time after which a driver gives up without an answer.
 const SILENCE: Duration = Duration::from_secs(5);
 
-/// A bench that takes as long as a real one answers this often while the analyser turns.
+/// Interval of answers about a movement on a bench in real time.
 const MOMENT: Duration = Duration::from_millis(20);
 
-/// The clock starts here, so that it can be set back.
+/// Start of the clock, so that a fault can set it back.
 const EPOCH: Duration = Duration::from_secs(100_000);
 
-/// How far a fault sets it back.
+/// Time by which a fault sets the clock back.
 const SET_BACK: Duration = Duration::from_secs(3600);
 
-/// A bench that several devices share, on virtual time or at the pace of the clock on the wall.
+/// A bench shared by several devices, in virtual or real time.
 #[derive(Clone)]
 pub struct SharedBench {
     state: Arc<Mutex<State>>,
-    /// When time 0 was, if the bench runs at real pace.
+    /// Start of the bench's time, if it runs in real time.
     begun: Option<Instant>,
 }
 
 struct State {
     bench: Bench,
-    /// Commands so far, for faults.
+    /// Number of commands so far, which selects faults.
     commands: BTreeMap<FaultyDevice, u64>,
     set_back: bool,
     door_open: bool,
     door_changes: u64,
-    /// When the movement that was begun is over, and the angle that is reported then.
+    /// End of the movement under way, and the angle reported then.
     turning: Option<(Duration, f64)>,
 }
 
 impl SharedBench {
-    /// Shares a bench whose time is virtual: only its devices' calls advance it.
+    /// Shares a bench in virtual time: only calls of its devices advance it.
     pub fn new(bench: Bench) -> Self {
         let state = State {
             bench,
@@ -54,12 +54,12 @@ impl SharedBench {
         Self { state: Arc::new(Mutex::new(state)), begun: None }
     }
 
-    /// Shares a bench that takes as long as a real one.
+    /// Shares a bench in real time.
     pub fn real_time(bench: Bench) -> Self {
         Self { begun: Some(Instant::now()), ..Self::new(bench) }
     }
 
-    /// Looks at the bench itself.
+    /// Gives read access to the bench.
     pub fn look<T>(&self, at: impl FnOnce(&Bench) -> T) -> T {
         at(&self.lock().bench)
     }
@@ -72,7 +72,7 @@ impl SharedBench {
         state
     }
 
-    /// Waits without holding the bench, so that other devices go on.
+    /// Waits without locking the bench, so that other devices continue.
     fn wait_until(&self, time: Duration) {
         if let Some(begun) = self.begun {
             std::thread::sleep(time.saturating_sub(begun.elapsed()));
@@ -80,17 +80,17 @@ impl SharedBench {
         self.lock().bench.advance_to(time);
     }
 
-    /// The panel's link is gone: whatever is wrong with it, it goes black by itself.
+    /// Closes the panel's connection: the panel goes black, whatever its faults.
     pub(crate) fn close_panel(&self) {
         let mut state = self.lock();
         let shining = state.bench.shining();
         state.bench.shine(Shining { pattern: Pattern::Black, ..shining }, Duration::ZERO);
     }
 
-    /// Carries a request out.
+    /// Executes a request.
     ///
     /// # Errors
-    /// What the bench cannot do, and faults.
+    /// Requests beyond the bench's limits, and faults.
     pub fn answer(&self, request: &Request) -> DeviceResult<Reply> {
         let fault = device(request).and_then(|device| self.lock().strike(device));
         match fault {
@@ -184,7 +184,7 @@ impl SharedBench {
 }
 
 impl State {
-    /// The fault that strikes a device's next command, which is counted.
+    /// Counts a device's next command and returns its fault.
     fn strike(&mut self, device: FaultyDevice) -> Option<FaultKind> {
         let mut due = |device| {
             let count = self.commands.entry(device).or_insert(0);
@@ -204,20 +204,20 @@ impl State {
         fault
     }
 
-    /// A time as the devices' clock shows it.
+    /// A time on the devices' clock, faults included.
     fn reported(&mut self, time: Duration) -> Duration {
         let now = EPOCH + time;
         if self.set_back { now - SET_BACK } else { now }
     }
 
-    /// Switches the flash; returns when its light is steady.
+    /// Switches the flash; returns the time at which its light is steady.
     fn switch(&mut self, on: bool) -> Duration {
         let settling = Duration::from_secs_f64(self.bench.config().flash.settle_ms / 1000.0);
         self.bench.shine(Shining { flash: on, ..self.bench.shining() }, settling);
         self.bench.now() + settling
     }
 
-    /// Requests that need no waiting.
+    /// Executes requests without waiting.
     fn at_once(&mut self, request: &Request, fault: Option<FaultKind>) -> DeviceResult<Reply> {
         let now = self.bench.now();
         let shining = self.bench.shining();
@@ -255,7 +255,7 @@ impl State {
             Request::IsOn => Reply::On(shining.flash != (fault == Some(FaultKind::WrongState))),
             Request::Level => Reply::Level(Level { holds: !self.door_open, changes: self.door_changes }),
             Request::Light => Reply::Light { panel: shining.pattern != Pattern::Black, flash: shining.flash },
-            // Answered before.
+            // Handled by [`SharedBench::answer`].
             Request::Home
             | Request::MoveTo { .. }
             | Request::Arrive

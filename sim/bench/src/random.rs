@@ -1,7 +1,7 @@
-//! Randomness without state: every number is a hash of what it belongs to, so that frames are reproducible to the
-//! bit and pixels can be made in any order.
+//! Stateless random numbers: each is a hash of its inputs. Frames are reproducible to the bit, and pixels can be
+//! computed in any order.
 
-/// Mixes 64 bits (the finaliser of SplitMix64, Steele et al. 2014).
+/// Hash of 64 bits (the finaliser of SplitMix64, Steele et al. 2014).
 pub fn hash(value: u64) -> u64 {
     let mut z = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -9,12 +9,12 @@ pub fn hash(value: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Mixes several values into one key.
+/// Combines several values into one key.
 pub fn key(parts: &[u64]) -> u64 {
     parts.iter().fold(0, |k, part| hash(k ^ part))
 }
 
-/// Uniform in (0, 1).
+/// Uniform deviate in (0, 1).
 pub fn uniform(bits: u64) -> f64 {
     ((bits >> 11) as f64 + 0.5) / (1u64 << 53) as f64
 }
@@ -27,8 +27,9 @@ pub fn normals(key: u64) -> [f64; 2] {
     [radius * cos, radius * sin]
 }
 
-/// Electrons that arrive when `mean` are expected, plus Gaussian read noise. Poisson by inversion below 40 electrons,
-/// its normal limit above (skewness there is under 0.16).
+/// Number of electrons with the given mean, plus Gaussian read noise.
+///
+/// Poisson deviate by inversion below 40 electrons, its normal limit above (skewness below 0.16).
 pub fn electrons(key: u64, mean: f64, read_noise: f64) -> f64 {
     let [shot, read] = normals(key);
     let arrived = if mean < 40.0 {

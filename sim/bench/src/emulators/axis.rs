@@ -1,36 +1,36 @@
-//! The bench's analyser as a motor that counts from where it was switched on.
+//! The bench's analyser as a motor axis whose counter starts at 0 at power-up.
 
 use crate::Port;
 use crate::messages::{Reply, Request};
 
-/// The analyser, and the counter of whoever turns it.
+/// The analyser, and the counter of its controller.
 pub(super) struct Axis {
     port: Box<dyn Port>,
-    /// True angle where the counter shows 0.
+    /// True angle in degrees at which the counter shows 0.
     zero_deg: f64,
-    /// The movement that is under way, if there is one.
+    /// The movement under way.
     turning: Option<Turning>,
 }
 
-/// A movement.
+/// Kind of a movement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Turning {
     /// To the mechanical zero, where the counter is set to 0.
     Homing,
-    /// To a place.
+    /// To a target.
     Moving,
 }
 
-/// How a movement goes on.
+/// State of a movement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Progress {
-    /// Nothing moves.
+    /// No movement.
     Rest,
-    /// It goes on.
+    /// Still moving.
     Turning,
-    /// It is over.
+    /// Completed.
     Done,
-    /// The bench refused or failed.
+    /// The bench refused the movement or failed.
     Failed,
 }
 
@@ -41,7 +41,7 @@ impl Axis {
         axis
     }
 
-    /// Power comes on: it stands wherever it stands, and calls that 0.
+    /// Power-up: the counter shows 0 at the present angle.
     pub(super) fn restart(&mut self) {
         self.halt();
         self.zero_deg = self.true_deg();
@@ -54,17 +54,17 @@ impl Axis {
         }
     }
 
-    /// What the counter shows, in degrees.
+    /// Value of the counter in degrees.
     pub(super) fn counted_deg(&mut self) -> f64 {
         self.true_deg() - self.zero_deg
     }
 
-    /// Begins to turn to what the counter will show.
+    /// Starts a movement to a value of the counter; returns false if the bench refuses.
     pub(super) fn move_to(&mut self, counted_deg: f64) -> bool {
         self.begin(self.zero_deg + counted_deg, Turning::Moving)
     }
 
-    /// Begins to look for the mechanical zero.
+    /// Starts a movement to the mechanical zero.
     pub(super) fn home(&mut self) -> bool {
         self.begin(0.0, Turning::Homing)
     }
@@ -79,14 +79,14 @@ impl Axis {
         self.turning.is_some()
     }
 
-    /// Ends a movement where it is.
+    /// Stops the movement.
     pub(super) fn halt(&mut self) {
         if self.turning.take().is_some() {
             let _ = self.port.call(&Request::Halt);
         }
     }
 
-    /// Looks after the movement.
+    /// Updates and returns the state of the movement.
     pub(super) fn progress(&mut self) -> Progress {
         let Some(turning) = self.turning else { return Progress::Rest };
         match self.port.call(&Request::Arrive) {
@@ -94,7 +94,7 @@ impl Axis {
             Ok(Reply::Arrived(_)) => {
                 self.turning = None;
                 if turning == Turning::Homing {
-                    // The index mark is where it stands now.
+                    // The axis stands at the index mark now.
                     self.zero_deg = 0.0;
                 }
                 Progress::Done

@@ -1,4 +1,4 @@
-//! A blink(1) whose light is the bench's flash. It behaves as the old firmware does that plays its pattern when its watch ends.
+//! A blink(1) whose light is the bench's flash. Like old firmware, it plays its pattern when its watchdog expires.
 
 use super::fault::ByteFaultKind;
 use super::lamp::Load;
@@ -6,7 +6,7 @@ use super::reports::{Outcome, Peripheral, Transfer};
 use crate::devices::Port;
 use std::time::{Duration, Instant};
 
-/// The pattern that it was sold with begins like this.
+/// First colour of the factory pattern (red, green, blue).
 const SOLD_WITH: [u8; 3] = [255, 0, 0];
 
 /// A blink(1) mk2.
@@ -14,14 +14,14 @@ pub struct Blink1Emulator {
     load: Load,
     colour: [u8; 3],
     pattern: [[u8; 3]; 16],
-    /// When it thinks that nobody is there any more.
+    /// Time at which the watchdog expires.
     watch: Option<Instant>,
-    /// What it tells when it is asked next.
+    /// Answer to the next feature request.
     answer: [u8; 8],
 }
 
 impl Blink1Emulator {
-    /// A lamp that is off.
+    /// A blink(1) with the light off.
     pub fn new(port: Box<dyn Port>) -> Self {
         let answer = [0; 8];
         Self { load: Load::new(port), colour: [0; 3], pattern: [SOLD_WITH; 16], watch: None, answer }
@@ -32,7 +32,7 @@ impl Blink1Emulator {
         self.load.set(colour != [0; 3]);
     }
 
-    /// What shines, whatever was commanded.
+    /// The colour that is visible; it differs from the command if the flash is on for another reason.
     fn shown(&self) -> [u8; 3] {
         if self.load.is_on() && self.colour == [0; 3] { [1; 3] } else { self.colour }
     }

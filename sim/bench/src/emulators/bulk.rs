@@ -1,4 +1,5 @@
-//! Own electronics with bulk transfers: frames of 8 bytes, with a watchdog that switches the bench's flash off.
+//! Custom flash electronics with USB bulk transfers: frames of 8 bytes, and a watchdog that switches the bench's flash
+//! off.
 
 use super::fault::ByteFaultKind;
 use super::lamp::Load;
@@ -7,10 +8,10 @@ use crate::devices::Port;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Answers that wait to be fetched.
+/// Most answers that wait to be read.
 const MAX_WAITING: usize = 16;
 
-/// A step of the watchdog.
+/// Time unit of the watchdog.
 const STEP: Duration = Duration::from_millis(10);
 
 /// A flash with bulk transfers.
@@ -21,12 +22,12 @@ pub struct BulkEmulator {
 }
 
 impl BulkEmulator {
-    /// A flash that is off.
+    /// A device with the flash off.
     pub fn new(port: Box<dyn Port>) -> Self {
         Self { load: Load::new(port), off_at: None, waiting: VecDeque::new() }
     }
 
-    /// Carries a command out; returns its status.
+    /// Executes a command; returns its status.
     fn command(&mut self, command: u8, steps: u16, fault: Option<ByteFaultKind>) -> u8 {
         if fault == Some(ByteFaultKind::StuckBusy) {
             return 3;
@@ -64,7 +65,7 @@ impl BulkEmulator {
     }
 }
 
-/// Division of the bits by x⁸+x²+x+1, one bit at a time; the remainder.
+/// CRC-8 with the polynomial x⁸+x²+x+1, bit by bit.
 fn checksum(bytes: &[u8]) -> u8 {
     let mut remainder = 0u8;
     for bit in bytes.iter().flat_map(|byte| (0..8).rev().map(move |n| byte >> n & 1)) {
@@ -78,7 +79,7 @@ impl Peripheral for BulkEmulator {
     fn transfer(&mut self, transfer: Transfer<'_>, fault: Option<ByteFaultKind>) -> Outcome {
         match transfer {
             Transfer::BulkOut(bytes) => {
-                // What is no frame is not answered.
+                // Data of another length is not a frame and is not answered.
                 if let Ok(frame) = bytes.try_into() {
                     self.request(frame, fault);
                 }

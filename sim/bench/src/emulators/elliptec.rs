@@ -1,7 +1,7 @@
-//! An ELL14 of Thorlabs that turns the bench's analyser.
+//! A Thorlabs ELL14 that turns the bench's analyser.
 //!
-//! After power-up it counts from where it stands. A move is answered when it is over; whatever is asked meanwhile is
-//! answered with busy. A stop ends cleaning only. Requests need no end of line: their letters say how long they are.
+//! After power-up it counts from its present angle. A move is answered when it ends; requests meanwhile are answered
+//! with busy. A stop ends cleaning only. Requests need no end of line: their letters determine their length.
 
 use super::axis::{Axis, Progress};
 use super::mouth::Mouth;
@@ -10,25 +10,25 @@ use crate::Port;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
-/// How an emulated ELL14 is made, and what goes wrong with it.
+/// Options and faults of an emulated ELL14.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Its address on the bus: a capital hexadecimal digit.
+    /// Bus address: a capital hexadecimal digit.
     pub address: char,
-    /// Its serial number: 8 digits.
+    /// Serial number of 8 digits.
     pub serial: u32,
-    /// Number of its type; 14 is the ELL14.
+    /// Type number; 14 is the ELL14.
     pub kind: u8,
-    /// Pulses of its encoder per turn.
+    /// Encoder pulses per turn.
     pub pulses_per_turn: u32,
-    /// Status that it answers for [`ByteFaultKind::WrongStatus`].
+    /// Status code for [`ByteFaultKind::WrongStatus`].
     pub wrong_status: u8,
-    /// How late an answer is for [`ByteFaultKind::Slow`], in ms.
+    /// Delay of an answer for [`ByteFaultKind::Slow`], in ms.
     pub late_ms: u64,
-    /// How long cleaning takes, and searching a frequency, in ms.
+    /// Duration in ms of cleaning, and of a frequency search.
     pub care_ms: u64,
-    /// What goes wrong.
+    /// Faults.
     pub faults: Vec<ByteFault>,
 }
 
@@ -47,7 +47,7 @@ impl Default for Options {
     }
 }
 
-/// How long it takes to start, in ms.
+/// Startup time.
 const STARTING: Duration = Duration::from_millis(60);
 
 const OK: u8 = 0;
@@ -62,18 +62,18 @@ pub struct Elliptec {
     axis: Axis,
     mouth: Mouth,
     strikes: Strikes,
-    /// Bytes of a request that is not complete.
+    /// Bytes of an incomplete request.
     heard: String,
-    /// What goes wrong with the answer to the movement that is under way.
+    /// Fault of the answer to the current movement.
     spoiled: Option<ByteFaultKind>,
-    /// Busy with its own affairs until then.
+    /// End of cleaning or of a frequency search.
     caring: Option<Instant>,
     starting: Option<Instant>,
     stuck: bool,
 }
 
 impl Elliptec {
-    /// A module that was just switched on.
+    /// A module after power-up.
     pub fn new(port: Box<dyn Port>, options: Options) -> Self {
         Self {
             axis: Axis::new(port),
@@ -88,7 +88,7 @@ impl Elliptec {
         }
     }
 
-    /// The next complete request of any module: letters and data, if it is for this one.
+    /// The next complete request to any module; inner `None` if it is for another module.
     fn request(&mut self) -> Option<Option<(String, String)>> {
         let start = self.heard.find(|c: char| c.is_ascii_hexdigit()).unwrap_or(self.heard.len());
         self.heard.drain(..start);
@@ -189,7 +189,7 @@ impl Elliptec {
     }
 }
 
-/// Digits that follow the letters of a request.
+/// Number of digits after the letters of a request.
 fn data_length(letters: &str) -> usize {
     match letters {
         "ho" | "fw" | "bw" | "ca" => 1,

@@ -1,4 +1,4 @@
-//! What goes wrong on a wire.
+//! Faults of emulated devices at byte level.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,42 +6,42 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ByteFault {
-    /// What it does.
+    /// Kind of the fault.
     pub kind: ByteFaultKind,
-    /// Commands that it answers properly before.
+    /// Number of commands before the fault.
     #[serde(default)]
     pub after: u64,
-    /// Commands that fail; all further ones when it is not given.
+    /// Number of commands that fail. Default: all further ones.
     #[serde(default)]
     pub times: Option<u64>,
 }
 
-/// What an emulated device does wrong with a command.
+/// Kinds of faults of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ByteFaultKind {
-    /// Says nothing, and does nothing.
+    /// Neither executes nor answers the command.
     NoAnswer,
-    /// Does it, but falls silent half-way through its answer.
+    /// Executes the command, but sends only half of the answer.
     HalfAnswer,
-    /// The link is gone.
+    /// The connection is lost.
     Dropped,
-    /// Does it, and answers bytes that mean nothing.
+    /// Executes the command, and answers invalid bytes.
     Garbage,
     /// Answers twice.
     Resend,
-    /// Starts anew as after power-up, forgetting where it was, and says what it says then.
+    /// Restarts as after power-up, loses its position, and sends its greeting.
     Reset,
-    /// Answers properly, but late.
+    /// Answers correctly, but late.
     Slow,
-    /// Answers a status of error.
+    /// Answers an error status.
     WrongStatus,
-    /// Says that it is busy, for ever.
+    /// Reports busy permanently.
     StuckBusy,
 }
 
 impl ByteFaultKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 9] = [
         Self::NoAnswer,
         Self::HalfAnswer,
@@ -55,7 +55,7 @@ impl ByteFaultKind {
     ];
 }
 
-/// Counts commands and says which of them fail.
+/// Counts commands and selects those that fail.
 #[derive(Clone, Debug, Default)]
 pub struct Strikes {
     faults: Vec<ByteFault>,
@@ -63,12 +63,12 @@ pub struct Strikes {
 }
 
 impl Strikes {
-    /// These faults; none have struck yet.
+    /// These faults, with no command counted yet.
     pub fn new(faults: Vec<ByteFault>) -> Self {
         Self { faults, commands: 0 }
     }
 
-    /// The fault that strikes the next command, which is counted.
+    /// Counts the next command and returns its fault.
     pub fn strike(&mut self) -> Option<ByteFaultKind> {
         self.commands += 1;
         let count = self.commands;

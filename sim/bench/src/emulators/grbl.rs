@@ -1,7 +1,7 @@
-//! A motor controller with GRBL 1.1 whose rotary axis turns the bench's analyser.
+//! A GRBL 1.1 motor controller whose rotary axis turns the bench's analyser.
 //!
-//! Lines are answered when they are queued; `?` is answered at once, but not while it homes. A hold lets the axis stop;
-//! a reset while it moves is an alarm.
+//! Lines are answered when they are queued; `?` is answered at once, except during homing. After a feed hold the axis
+//! decelerates; a reset during a movement causes an alarm.
 
 use super::axis::{Axis, Progress};
 use super::mouth::Mouth;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// How an emulated controller is made, and what goes wrong with it.
+/// Options and faults of an emulated controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
@@ -19,15 +19,15 @@ pub struct Options {
     pub axis: char,
     /// Degrees per unit of the axis.
     pub degrees_per_unit: f64,
-    /// It has a switch at its zero ($22=1), and is locked until it was homed.
+    /// Whether it has a limit switch at zero ($22=1) and is locked until homed.
     pub homes: bool,
-    /// Reports have work coordinates ($10=0).
+    /// Whether reports contain work coordinates ($10=0).
     pub work: bool,
-    /// Error that it answers for [`ByteFaultKind::WrongStatus`]; reports say alarm.
+    /// Error code for [`ByteFaultKind::WrongStatus`]; status reports show an alarm.
     pub wrong_status: u8,
-    /// How late an answer is for [`ByteFaultKind::Slow`], in ms.
+    /// Delay of an answer for [`ByteFaultKind::Slow`], in ms.
     pub late_ms: u64,
-    /// What goes wrong.
+    /// Faults.
     pub faults: Vec<ByteFault>,
 }
 
@@ -45,13 +45,13 @@ impl Default for Options {
     }
 }
 
-/// Where its work coordinates start, in units.
+/// Offset of the work coordinates in units.
 const WORK: f64 = 12.5;
 
-/// Every so many reports the start of work coordinates is said.
+/// Every tenth status report contains the work coordinate offset.
 const WORK_EVERY: u32 = 10;
 
-/// Longest line that it takes.
+/// Longest accepted line in bytes.
 const MAX_LINE: usize = 80;
 
 /// The emulated controller.
@@ -61,14 +61,14 @@ pub struct Grbl {
     mouth: Mouth,
     strikes: Strikes,
     line: String,
-    /// Targets in units, and whether they are jogs, that follow when the axis rests.
+    /// Targets in units of the movements that follow.
     queue: VecDeque<f64>,
-    /// The target of the movement under way.
+    /// Target of the current movement in units.
     target: Option<f64>,
     jogging: bool,
-    /// Units that it has counted at rest. It counts steps, and knows nothing of play behind the motor.
+    /// Step counter at rest in units. Backlash behind the motor does not change it.
     counted: Option<f64>,
-    /// What goes wrong with the answer when homing is over.
+    /// Fault of the answer at the end of homing; outer `None`: not homing.
     homing: Option<Option<ByteFaultKind>>,
     held: bool,
     locked: bool,
@@ -78,7 +78,7 @@ pub struct Grbl {
 }
 
 impl Grbl {
-    /// A controller that was just switched on.
+    /// A controller after power-up.
     pub fn new(port: Box<dyn Port>, options: Options) -> Self {
         Self {
             axis: Axis::new(port),
@@ -99,7 +99,7 @@ impl Grbl {
         }
     }
 
-    /// What goes wrong with a command; none if it is not even heard.
+    /// Fault of a command: `Ok` for commands that are still executed, `Err` for commands without effect.
     fn struck(&mut self) -> Result<Option<ByteFaultKind>, Option<Action>> {
         let fault = self.strikes.strike();
         match fault {
@@ -124,7 +124,7 @@ impl Grbl {
         }
     }
 
-    /// It starts, and says so; its coordinates are kept over a reset.
+    /// Restarts, and sends the greeting; the step counter survives a reset.
     fn start(&mut self) {
         self.queue.clear();
         self.line.clear();
@@ -164,7 +164,7 @@ impl Grbl {
         }
     }
 
-    /// Where it stands, by its own count.
+    /// Position in units, from the step counter.
     fn units(&mut self) -> f64 {
         self.counted.unwrap_or_else(|| self.axis.counted_deg() / self.options.degrees_per_unit)
     }
@@ -208,7 +208,7 @@ impl Grbl {
 
     fn obey(&mut self, line: &str, fault: Option<ByteFaultKind>) {
         if self.stuck {
-            // Its queue is full, so the line waits.
+            // The queue is full, so the line waits.
             return;
         }
         let answer = match fault {
@@ -253,7 +253,7 @@ impl Grbl {
         }
     }
 
-    /// A block of G-code: modes, target of the axis, feed.
+    /// Executes a block of G-code: modes, target of the axis, feed rate.
     fn code(&mut self, block: &str, jog: bool) -> Result<(), u8> {
         let (mut relative, mut target, mut rest) = (false, None, block);
         while let Some(letter) = rest.chars().next() {
@@ -278,7 +278,7 @@ impl Grbl {
         Ok(())
     }
 
-    /// The next movement of the queue, if the axis rests.
+    /// Starts the next movement of the queue, if the axis rests.
     fn follow(&mut self) {
         if !self.axis.is_turning() && !self.held && !self.locked {
             match self.queue.pop_front() {
@@ -291,7 +291,7 @@ impl Grbl {
     fn hear(&mut self, byte: u8) -> Option<Action> {
         let realtime = matches!(byte, b'?' | b'!' | b'~' | 0x18);
         let ended = matches!(byte, b'\r' | b'\n');
-        // A block's white space has no meaning.
+        // White space in a block has no meaning.
         if !realtime && !ended {
             let letter = char::from(byte).to_ascii_uppercase();
             if byte.is_ascii_graphic() && self.line.len() < MAX_LINE {
@@ -299,7 +299,7 @@ impl Grbl {
             }
             return None;
         }
-        // While it homes it hears nothing but a reset. An empty line is none.
+        // During homing it ignores everything but a reset. Empty lines are ignored.
         if (self.homing.is_some() && byte != 0x18) || (ended && self.line.is_empty()) {
             return None;
         }

@@ -3,7 +3,7 @@
 use crate::devices::Port;
 use crate::messages::Request;
 
-/// What an emulated device switches.
+/// Output switched by an emulated device.
 pub(super) struct Load {
     port: Box<dyn Port>,
     on: bool,
@@ -17,7 +17,7 @@ impl Load {
         load
     }
 
-    /// Switches the flash, if it is not so already. One that cannot be reached stays as it is.
+    /// Switches the flash if its state differs. If the bench cannot be reached, the state stays.
     pub fn set(&mut self, on: bool) {
         if self.on != on && self.port.call(&Request::Switch { on }).is_ok() {
             self.on = on;

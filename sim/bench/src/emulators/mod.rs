@@ -1,5 +1,7 @@
-//! Emulators that speak the bytes of real devices, so that drivers are tested down to the wire. They act on the simulated bench
-//! through its [`Port`](crate::Port), and share no encoding or decoding with the drivers: both are written from the protocols.
+//! Emulators of real devices at byte level, which test drivers down to the wire.
+//!
+//! They act on the simulated bench through its [`Port`](crate::Port). They share no encoding or decoding with the
+//! drivers: both were written from the protocols.
 
 mod axis;
 mod blink1;
@@ -20,19 +22,19 @@ pub use pty::Pty;
 pub use relay::RelayEmulator;
 pub use reports::{Outcome, Peripheral, Served, Transfer};
 
-/// A device on the other end of a serial line.
+/// A device at the other end of a serial line.
 pub trait Emulator: Send {
-    /// Takes bytes from the host.
+    /// Receives bytes from the host.
     fn receive(&mut self, bytes: &[u8]) -> Vec<Action>;
     /// Called every few milliseconds.
     fn tick(&mut self) -> Vec<Action>;
 }
 
-/// What an emulated device does with its line.
+/// An action of an emulated device on its line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Sends bytes to the host.
     Send(Vec<u8>),
-    /// The line is cut for a moment.
+    /// Interrupts the line for a moment.
     Close,
 }

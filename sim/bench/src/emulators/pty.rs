@@ -1,4 +1,4 @@
-//! A serial port for an emulated device: a pseudo-terminal behind a link with a name of its own.
+//! Serial port of an emulated device: a pseudo-terminal behind a named symbolic link.
 
 use super::{Action, Emulator};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -13,30 +13,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// How often a device is asked whether it has something to say, in ns.
+/// Interval in ns at which the device can send bytes unasked.
 const TICK_NS: i64 = 2_000_000;
 
-/// How long a dropped link stays away.
+/// Time for which a dropped link is missing.
 const AWAY: Duration = Duration::from_millis(300);
 
-/// An emulated device on a serial port, until this is dropped.
+/// An emulated device on a serial port, until dropped.
 pub struct Pty {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Pty {
-    /// Runs a device on a new port. `link` becomes a symbolic link to it; an older link of that name is replaced.
+    /// Runs a device on a new port. `link` becomes a symbolic link to it; an existing link of that name is replaced.
     ///
     /// # Errors
-    /// The port or the link cannot be made.
+    /// The port or the link cannot be created.
     pub fn start(link: &Path, device: impl Emulator + 'static) -> io::Result<Self> {
         let mut line = Line::open(link)?;
         let stop = Arc::new(AtomicBool::new(false));
         let (stopped, mut device) = (stop.clone(), device);
         let run = move || {
             while !stopped.load(Ordering::Relaxed) {
-                // Without a port there is nobody to talk to; whoever opens the link notices.
+                // The port is lost, so the thread ends. Opening the link fails from then on.
                 if line.turn(&mut device).is_err() {
                     break;
                 }
@@ -56,7 +56,7 @@ impl Drop for Pty {
     }
 }
 
-/// Both ends of a pseudo-terminal. The device's end stays open here, so that it outlives its users.
+/// Both ends of a pseudo-terminal. The device's end stays open here, so that the terminal outlives its users.
 struct Ends {
     host: OwnedFd,
     _device: OwnedFd,
@@ -92,16 +92,16 @@ impl Line {
         Ok(())
     }
 
-    /// Removes the link, if it is one.
+    /// Removes the link; a file of another kind stays.
     fn unlink(&self) {
         let link = std::fs::symlink_metadata(&self.link).is_ok_and(|found| found.is_symlink());
         if link {
-            // Somebody tidied up.
+            // It may have been removed already.
             let _ = std::fs::remove_file(&self.link);
         }
     }
 
-    /// Waits a moment for bytes, hands them over, and does what the device wants.
+    /// Waits up to one tick for bytes, passes them to the device, and executes the device's actions.
     fn turn(&mut self, device: &mut impl Emulator) -> io::Result<()> {
         let came = self.receive()?;
         let mut actions = if came.is_empty() { vec![] } else { device.receive(&came) };
@@ -114,7 +114,7 @@ impl Line {
                     self.ends = None;
                     std::thread::sleep(AWAY);
                     self.connect()?;
-                    // What was said meanwhile is lost.
+                    // Later actions are lost with the link.
                     break;
                 }
             }
@@ -139,7 +139,7 @@ impl Line {
         Ok(bytes)
     }
 
-    /// What nobody reads is lost, as on a real line.
+    /// Sends bytes; bytes that nobody reads are lost, as on a real line.
     fn send(&self, bytes: &[u8]) {
         if let Some(ends) = &self.ends {
             let _ = rustix::io::write(&ends.host, bytes);

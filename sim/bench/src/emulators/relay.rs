@@ -1,4 +1,4 @@
-//! A HID relay with the bench's flash on one of its channels.
+//! A HID relay that switches the bench's flash on one of its channels.
 
 use super::fault::ByteFaultKind;
 use super::lamp::Load;
@@ -9,9 +9,9 @@ use crate::devices::Port;
 pub struct RelayEmulator {
     serial: [u8; 5],
     channels: u8,
-    /// The channel that the flash is on, from 1.
+    /// Channel of the flash, counted from 1.
     wired: u8,
-    /// Contacts that are closed besides the flash's.
+    /// Other closed channels, the first one in the lowest bit.
     others: u8,
     load: Load,
 }
@@ -22,7 +22,7 @@ impl RelayEmulator {
         Self { serial, channels: channels.min(8), wired, others: 0, load: Load::new(port) }
     }
 
-    /// The channels that are closed, the first one in the lowest bit.
+    /// Closed channels, the first one in the lowest bit.
     fn closed(&self) -> u8 {
         self.others | if self.load.is_on() { self.wired_bit() } else { 0 }
     }
@@ -46,13 +46,13 @@ impl RelayEmulator {
         match command {
             0xff | 0xfd if all.contains(&channel) => self.set(channel, command == 0xff),
             0xfe | 0xfc => all.for_each(|channel| self.set(channel, command == 0xfe)),
-            // It takes whatever it is sent.
+            // Real relays accept unknown commands without error.
             _ => {}
         }
         Outcome::Done(vec![])
     }
 
-    /// The serial number stands where the report's number would be.
+    /// Status report, in which the serial number replaces the report number.
     fn report(&self, closed: u8) -> Outcome {
         let mut report = self.serial.to_vec();
         report.extend([0, 0, closed]);

@@ -1,6 +1,8 @@
-//! Emulated USB devices behind a Unix socket: each transfer is a frame (kind, tag, length in 16 bits with the low byte first,
-//! payload), and is answered by one (0 done, 1 stalled or 2 when the host would wait in vain, the same tag, length, payload). Half an answer
-//! ends with the link.
+//! Emulated USB devices behind a Unix socket.
+//!
+//! A transfer is a frame: kind, tag, length (16 bits, little-endian), payload. It is answered by a frame: status, the
+//! same tag, length, payload. The status is 0 (done), 1 (stalled) or 2 (the host would time out). After half an answer
+//! the connection ends.
 
 use super::fault::{ByteFault, ByteFaultKind, Strikes};
 use std::io::{self, Read, Write};
@@ -12,61 +14,63 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Longest payload.
+/// Longest payload in bytes.
 const MAX_PAYLOAD: usize = 4096;
 
-/// Most connections at a time.
+/// Most simultaneous connections.
 const MAX_CONNECTIONS: usize = 16;
 
-/// How late a late answer comes.
+/// Delay of a slow answer.
 const LATE: Duration = Duration::from_millis(150);
 
-/// Status of an answer that does not come.
+/// Status of a missing answer.
 const NOTHING: u8 = 2;
 
-/// A transfer to a device.
+/// A transfer between host and device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transfer<'a> {
     /// An output report.
     Output(&'a [u8]),
-    /// A feature report to be set.
+    /// A feature report for the device.
     SetFeature(&'a [u8]),
-    /// The feature report of this number is wanted.
+    /// Request for the feature report of this number.
     Feature(u8),
     /// Bytes to the device.
     BulkOut(&'a [u8]),
-    /// Bytes from the device are wanted.
+    /// Request for bytes from the device.
     BulkIn,
 }
 
-/// What a device makes of a transfer.
+/// Outcome of a transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Done, with these bytes.
+    /// Done; the bytes are the device's data.
     Done(Vec<u8>),
     /// Refused.
     Stalled,
-    /// Nothing is answered.
+    /// No answer.
     Silent,
 }
 
 /// An emulated USB device.
 pub trait Peripheral: Send {
-    /// Carries a transfer out. Of the faults, those that only the device itself can have are its own affair:
-    /// `WrongStatus`, `StuckBusy` and `Resend`.
+    /// Executes a transfer.
+    ///
+    /// The device itself implements the faults `WrongStatus`, `StuckBusy` and `Resend`; the connection implements the
+    /// others.
     fn transfer(&mut self, transfer: Transfer<'_>, fault: Option<ByteFaultKind>) -> Outcome;
 
-    /// Starts anew as after power-up.
+    /// Resets the device to its state after power-up.
     fn reset(&mut self);
 
-    /// Called again and again, for what it does by itself.
+    /// Called periodically, for actions of the device without a transfer.
     fn tick(&mut self) {}
 }
 
-/// A device that is served on a socket until this is dropped.
+/// A device served on a socket, until dropped.
 pub struct Served {
     path: PathBuf,
-    /// The socket that was made, so that no other file is removed in its place.
+    /// Device and inode number of the socket, so that no other file is removed in its place.
     inode: (u64, u64),
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -76,7 +80,7 @@ impl Served {
     /// Serves a device on a socket.
     ///
     /// # Errors
-    /// The socket cannot be made: there is a file of that name already, which is not touched.
+    /// The socket cannot be created, for example because a file of that name exists; the file stays unchanged.
     pub fn start(path: &Path, device: Box<dyn Peripheral>, faults: Vec<ByteFault>) -> io::Result<Self> {
         remove_stale(path);
         let listener = UnixListener::bind(path)?;
@@ -95,7 +99,7 @@ impl Served {
         Ok(Self { path: path.into(), inode, stop, thread: Some(thread) })
     }
 
-    /// What a driver is given as the device's path.
+    /// Device path for a driver.
     pub fn path(&self) -> String {
         format!("unix:{}", self.path.display())
     }
@@ -105,21 +109,21 @@ impl Drop for Served {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A device that panicked has said so already.
+            // A panic of the device has already been reported.
             let _ = thread.join();
         }
         if std::fs::symlink_metadata(&self.path).is_ok_and(|found| (found.dev(), found.ino()) == self.inode) {
-            // Somebody else may be tidying up as well.
+            // The file may have been removed already.
             let _ = std::fs::remove_file(&self.path);
         }
     }
 }
 
-/// Removes a socket that nobody listens to; nothing else, and nothing that a link points at.
+/// Removes a socket without a listener. Other files and link targets are kept.
 fn remove_stale(path: &Path) {
     let is_socket = std::fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket());
     if is_socket && UnixStream::connect(path).is_err() {
-        // Binding tells if this failed.
+        // If this fails, binding reports it.
         let _ = std::fs::remove_file(path);
     }
 }
@@ -138,12 +142,12 @@ struct Connection {
 
 struct Answer {
     bytes: Vec<u8>,
-    /// Nothing follows: the link ends.
+    /// The connection ends after this answer.
     last: bool,
 }
 
 impl Server {
-    /// Looks once at everything that may have happened.
+    /// Accepts connections, serves each one, and ticks the device; does not block.
     fn turn(&mut self) {
         while let Ok((stream, _)) = self.listener.accept() {
             if self.connections.len() < MAX_CONNECTIONS && stream.set_nonblocking(true).is_ok() {
@@ -155,7 +159,7 @@ impl Server {
         self.device.tick();
     }
 
-    /// Answers what has arrived; None when the connection is over.
+    /// Answers the received transfers; `None` when the connection has ended.
     fn serve(&mut self, mut connection: Connection) -> Option<Connection> {
         let mut bytes = [0; MAX_PAYLOAD];
         match connection.stream.read(&mut bytes) {
@@ -180,7 +184,7 @@ impl Server {
         Some(connection)
     }
 
-    /// What answers a transfer; None when the link is gone.
+    /// Answer to a transfer; `None` when the connection is lost.
     fn answer(&mut self, kind: u8, tag: u8, payload: &[u8]) -> Option<Answer> {
         let fault = self.strikes.strike();
         let whole = |bytes: Vec<u8>| Answer { bytes, last: false };
@@ -189,7 +193,8 @@ impl Server {
             Some(ByteFaultKind::Dropped) => return None,
             Some(ByteFaultKind::Reset) => {
                 self.device.reset();
-                // What it was sent is lost with all the rest.
+                // The reset has erased the data sent before, so a transfer to the device counts as done without
+                // effect.
                 if !matches!(kind, 3 | 5) {
                     return Some(whole(vec![0, tag, 0, 0]));
                 }
