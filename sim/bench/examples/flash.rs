@@ -1,4 +1,4 @@
-//! Photographs of tiles under a flash, and how far maps of them are from what was printed:
+//! Errors of maps from simulated flash photographs of tiles:
 //! `cargo run --release -p nacre-sim --example flash -- [SCENE.toml] [SETTINGS.toml] [RESULTS]`.
 
 #![allow(clippy::print_stdout)]

@@ -1,5 +1,5 @@
-//! Flash drivers down to the wire: each against its emulated device, which switches the bench's flash. Whatever goes wrong, no
-//! driver says that the light is off while it is on.
+//! Flash drivers down to the wire, each with its emulated device, which switches the bench's flash. Whatever the
+//! fault, no driver reports the light off while it is on.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
@@ -94,7 +94,7 @@ fn off_when_opened_and_when_dropped() {
         let rig = Rig::new(kind, vec![]);
         let mut first = rig.open(10.0).unwrap();
         run(first.switch(true)).unwrap();
-        // As a guardian does whose link seems lost.
+        // A guardian that has lost the link does the same.
         let mut second = rig.open(10.0).unwrap();
         assert!(!rig.lit(), "{kind:?}: off when opened");
         assert!(run(first.is_on()).is_err(), "{kind:?}: somebody else switched it");
@@ -122,14 +122,14 @@ fn no_fault_makes_a_driver_say_off_while_the_light_is_on() {
 }
 
 fn try_fault(kind: Kind, fault: ByteFaultKind) {
-    // Transfers until it is open, and then those of the first command.
+    // Number of transfers of opening; those of the first command follow.
     let opening = match kind {
         Kind::Relay => 3,
         Kind::Blink1 => 2 + 1 + 16 + 4,
         Kind::Bulk => 4,
     };
     for after in opening..opening + 5 {
-        // Lasting ones take long to try, for what is silent is waited for.
+        // Permanent faults take long to test, since drivers wait for missing answers.
         let lasting = (after - opening) % 2 == 0;
         for times in [Some(1), None].into_iter().take(if lasting { 2 } else { 1 }) {
             let rig = Rig::new(kind, vec![ByteFault { kind: fault, after, times }]);
@@ -138,7 +138,7 @@ fn try_fault(kind: Kind, fault: ByteFaultKind) {
             for on in [true, false] {
                 if let Ok(switched) = run(flash.switch(on)) {
                     assert!(switched.on || !rig.lit(), "{what}: says off after switching {on}");
-                    // What was asked for is only confirmed when it is so.
+                    // A command is confirmed only if it was executed.
                     assert!(switched.on != on || switched.on == rig.lit(), "{what}: says {}", switched.on);
                 }
                 if let Ok(is_on) = run(flash.is_on()) {
@@ -170,7 +170,7 @@ fn a_relay_of_another_number_or_without_the_channel_is_refused() {
 #[test]
 fn other_channels_are_left_alone() {
     let rig = Rig::new(Kind::Relay, vec![]);
-    // The flash is on channel 2; somebody else uses channel 1.
+    // The flash is on channel 2; another load uses channel 1.
     let settings = relay::Settings { serial: None, path: Some(rig.served.path()), channel: 1 };
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
     let config = FlashConfig { driver: FlashDriver::Relay(settings), settling_ms: 1.0, max_on_s: 1.0 };
@@ -184,7 +184,7 @@ fn other_channels_are_left_alone() {
     }
 }
 
-/// The driver is gone without a word, as when the computer dies: the light goes off by itself.
+/// The driver ends without a command, as when the computer crashes: the light goes off by itself.
 #[test]
 fn lamps_with_a_watch_go_off_by_themselves() {
     for kind in [Kind::Blink1, Kind::Bulk] {
@@ -203,11 +203,11 @@ fn lamps_with_a_watch_go_off_by_themselves() {
     }
 }
 
-/// On its own thread, as the engine has it: a lost link comes back with the light off, and nothing is repeated.
+/// On its own thread, as in the engine: after a lost link the light is off, and no command is repeated.
 #[test]
 fn a_lost_link_comes_back_dark() {
     for (kind, opening) in ALL.into_iter().zip([3, 23, 4]) {
-        // The command itself passes; its read-back does not.
+        // The command succeeds; its read-back fails.
         let rig = Arc::new(Rig::new(
             kind,
             vec![ByteFault { kind: ByteFaultKind::Dropped, after: opening + 2, times: Some(1) }],

@@ -1,4 +1,5 @@
-//! Foil from simulated photographs: the distribution against its formula, and new foil against the old one, both photographed.
+//! Foil from simulated photographs: its distribution against the formula, and photographs of the new foil against the
+//! old one.
 
 #![allow(clippy::unwrap_used)]
 
@@ -15,7 +16,7 @@ fn photograph(scene: &FoilPhotograph) -> Light {
     Light { width: scene.width, height: scene.height, values }
 }
 
-/// Share of the formula in each bin, summed finely.
+/// Integral of the formula over each bin.
 fn truth(scene: &FoilPhotograph, like: &Distribution) -> Distribution {
     let (fine, mut share) = (6, vec![0.0; like.share.len()]);
     for (at, share) in share.iter_mut().enumerate() {
@@ -37,8 +38,8 @@ fn off(a: &Distribution, b: &Distribution) -> [f64; 2] {
     [total_variation(&a.of_orientations(), &b.of_orientations()), total_variation(&a.of_periods(), &b.of_periods())]
 }
 
-/// How dense the maps' dots are over grating vectors: counted on a square grid, each dot and its opposite, with cells of `step` lines per µm
-/// that are blurred by one.
+/// Density of the maps' dots over grating vectors, each dot with its opposite: a histogram on a square grid with cells
+/// of `step` lines per µm, interpolated bilinearly.
 fn density(maps: &Maps, step: f64) -> impl Fn([f64; 2]) -> f64 + Sync {
     let side = (2.0 * 1.8 / step) as usize;
     let mut cells = vec![0.0; side * side];
@@ -97,7 +98,7 @@ fn known_distributions_are_found_and_made_anew() {
         let dots = Dots { size: [800, 800], pixel_um: 25.0, shape: Shape::Square(3), seed: 3 };
         let made = synthesize(&found, &dots).unwrap();
         assert!(made.report.total_variation.iter().all(|t| *t < 0.02), "{:?}", made.report);
-        // Photographed as the old one was.
+        // Photographed under the same conditions as the old foil.
         let vectors = density(&made.maps, 0.015);
         let new: Vec<f32> = scene.radiance_of(&vectors).unwrap().iter().map(|v| *v as f32).collect();
         let [angular, radial] = marginals(&light.values, &new, &scene);
@@ -105,7 +106,7 @@ fn known_distributions_are_found_and_made_anew() {
         assert!(angular <= 0.05 && radial <= 0.05, "{name} {angular} {radial}");
         if let Some(folder) = std::env::var_os("NACRE_PICTURES").map(std::path::PathBuf::from) {
             picture(&found, false).save_png(&folder.join(format!("foil-{name}-histogram.png"))).unwrap();
-            // What is brighter than 99 % is the zero order.
+            // The zero order consists of the brightest 1 % of the pixels.
             let mut sorted = light.values.clone();
             sorted.sort_by(f32::total_cmp);
             let top = sorted[sorted.len() * 99 / 100];
@@ -133,12 +134,12 @@ fn what_would_mislead_is_said() {
         &Settings { period_um: Some([0.3, 1.75]), depth_um: Some(0.08), ..Settings::default() },
         "not in the photograph",
     );
-    // A light that is not where it is said to be.
+    // A light at another position than stated.
     let mut wrong = geometry.clone();
     wrong.light_mm = Some([60.0, -10.0, 300.0]);
     let (_, report) = measure(&light, &wrong, &Settings::default()).unwrap();
     assert!(report.warnings.iter().any(|w| w.contains("zero order lies")), "{report:?}");
-    // One that is not known is found by the zero order and its height.
+    // An unknown position is computed from the zero order and the height.
     let mut unknown = geometry.clone();
     unknown.light_mm = None;
     assert!(measure(&light, &unknown, &Settings::default()).unwrap_err().to_string().contains("light"));

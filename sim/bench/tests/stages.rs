@@ -1,5 +1,5 @@
-//! Drivers of stages on serial ports, down to the wire, on the simulated bench: whatever goes wrong, a stage that says that it
-//! arrived stands where it says.
+//! Stage drivers on serial ports, down to the wire, on the simulated bench. Whatever the fault, a stage that reports
+//! its arrival stands at the reported angle.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
 
-/// A stage's angle may differ from the truth by this much.
+/// Tolerance of a stage's angle in degrees.
 const TOLERANCE_DEG: f64 = 0.2;
 
-/// A small bench whose stage is quick.
+/// A small bench with a fast stage.
 fn bench() -> SharedBench {
     let mut config = BenchConfig::default();
     (config.camera.width, config.camera.height) = (16, 16);
@@ -24,7 +24,7 @@ fn bench() -> SharedBench {
     SharedBench::real_time(Bench::new(&config, &Silent).unwrap())
 }
 
-/// A device on a port of its own, and the bench behind it.
+/// A device on a separate port, and the bench behind it.
 struct Rig {
     bench: SharedBench,
     port: PathBuf,
@@ -41,12 +41,12 @@ impl Rig {
     }
 
     fn true_deg(&self) -> f64 {
-        // Requests let the time of the bench pass.
+        // Requests advance the time of the bench.
         self.bench.now();
         self.bench.look(Bench::analyser_deg)
     }
 
-    /// Whoever says that it arrived is there.
+    /// Checks that a stage which reports its arrival has arrived.
     fn check(&self, arrived: &DeviceResult<Arrived>, fault: &str) {
         if let Ok(arrived) = arrived {
             let truth = self.true_deg();
@@ -69,7 +69,7 @@ fn ell_driver(port: &Path) -> StageDriver {
     StageDriver::Elliptec(elliptec::Settings { port: port.to_path_buf(), settling_ms: 10, ..Default::default() })
 }
 
-/// The same, soon impatient.
+/// Same driver with short time limits.
 fn hasty_ell(port: &Path) -> StageDriver {
     let (port, answer_ms, move_ms) = (port.to_path_buf(), 150, 3000);
     StageDriver::Elliptec(elliptec::Settings { port, answer_ms, move_ms, settling_ms: 10, ..Default::default() })
@@ -78,7 +78,7 @@ fn hasty_ell(port: &Path) -> StageDriver {
 #[test]
 fn an_elliptec_stage_turns_the_analyser() {
     let rig = ell(Default::default());
-    // It stands elsewhere when it is switched on.
+    // The stage was at another angle at power-up.
     let mut stage = open(ell_driver(&rig.port)).unwrap();
     assert_eq!(stage.describe().id, "Elliptec ELL14 s/n 11400517 address 0");
     rig.check(&Ok(wait(stage.home()).unwrap()), "home");
@@ -100,8 +100,8 @@ fn an_elliptec_stage_that_was_left_anywhere_homes_first() {
     rig.check(&Ok(arrived), "first move");
 }
 
-/// Opens, homes, moves up and back to 0, as a session does; every end must be true. Returns what went wrong first. A second
-/// error is the last.
+/// Opens, homes, moves up and back to 0, as a session does, and checks every arrival. Returns the first error; a
+/// second error ends it.
 fn session(rig: &Rig, driver: StageDriver, name: &str) -> DeviceResult<()> {
     let mut stage = open(driver)?;
     let mut errors = vec![];
@@ -119,10 +119,10 @@ fn session(rig: &Rig, driver: StageDriver, name: &str) -> DeviceResult<()> {
     errors.into_iter().next().map_or(Ok(()), Err)
 }
 
-/// Sessions that run at a time; more would wait for each other, and find each other's answers late.
+/// Number of simultaneous sessions. More would wait for each other and cause late answers.
 const AT_A_TIME: usize = 6;
 
-/// Every fault, early and late, once and for good, each with a device of its own.
+/// Tests every fault, early and late, once and permanently, each with a separate device.
 fn all_faults(device: fn(Vec<ByteFault>) -> Rig, driver: fn(&Path) -> StageDriver) {
     let when = [(0, None), (6, Some(1)), (9, None), (14, Some(1))];
     let faults =
@@ -159,7 +159,7 @@ fn grbl_settings(port: &Path) -> grbl::Settings {
     grbl::Settings { port: port.to_path_buf(), settling_ms: 10, ..Default::default() }
 }
 
-/// Soon impatient.
+/// Driver with short time limits.
 fn hasty_grbl(port: &Path) -> StageDriver {
     let short = grbl_settings(port);
     StageDriver::Grbl(grbl::Settings { answer_ms: 150, start_ms: 500, move_ms: 3000, home_ms: 3000, ..short })
@@ -194,7 +194,7 @@ fn no_fault_makes_a_grbl_axis_arrive_wrongly() {
     all_faults(|faults| controller(emulators::grbl::Options { faults, ..Default::default() }), hasty_grbl);
 }
 
-/// A move that is dropped after a moment, as the program does when somebody stops it, and then ended in order.
+/// Drops a move after a moment, as a cancelled capture does, then stops it in order.
 fn cut_short(rig: &Rig, driver: StageDriver) -> f64 {
     let mut stage = open(driver).unwrap();
     wait(stage.home()).unwrap();
@@ -236,7 +236,7 @@ fn a_port_comes_back_after_its_link_was_dropped_and_goes_with_its_device() {
     assert!(port.symlink_metadata().is_err(), "the link is removed");
 }
 
-/// A stage with a language of its own: it answers when a move has begun.
+/// A stage with a custom protocol: it answers at the start of a move.
 struct Teller {
     bench: SharedBench,
     heard: String,
@@ -275,7 +275,7 @@ impl Emulator for Teller {
     }
 }
 
-/// A configuration as a user writes it.
+/// Reads a configuration in the user's format.
 fn read(text: &str) -> Result<StageConfig, String> {
     toml::from_str(text).map_err(|e| e.to_string())
 }
@@ -302,7 +302,7 @@ fn a_stage_that_the_configuration_describes_turns_the_analyser() {
         assert!((arrived.angle_deg - angle).abs() < TOLERANCE_DEG);
         rig.check(&Ok(arrived), "move");
     }
-    // What the stage refuses is said in its words.
+    // Refusals of the stage are reported in its own wording.
     let error = wait(stage.move_to(790.0)).unwrap_err();
     assert!(error.got.contains("ERR"), "{error}");
     drop(stage);
@@ -330,7 +330,7 @@ fn configurations_are_read_and_unknown_keys_refused() {
     }
 }
 
-/// What the user reads fits what went wrong.
+/// Checks that the error message matches the fault.
 fn expect_words(kind: ByteFaultKind, times: Option<u64>, result: DeviceResult<()>, name: &str) {
     use ByteFaultKind::*;
     let words: &[&str] = match kind {
@@ -341,7 +341,7 @@ fn expect_words(kind: ByteFaultKind, times: Option<u64>, result: DeviceResult<()
         _ => &["“", "without its"],
     };
     match result {
-        // Passing faults may be got over.
+        // Temporary faults may be overcome.
         Ok(()) if times.is_some() || kind == Resend => {}
         Ok(()) => panic!("{name}: nothing noticed"),
         Err(error) => {

@@ -1,4 +1,4 @@
-//! Maps of simulated sheets under a flash against what was printed: the 2018 paper's own test (section 7.1 and 7.2).
+//! Maps of simulated sheets under a flash: the 2018 paper's own test (section 7.1 and 7.2).
 
 #![allow(clippy::unwrap_used)]
 
@@ -8,12 +8,12 @@ use nacre_image::OutputFolder;
 use nacre_periods::flash::{Directions, Orientation, PeriodChoice, Report, Settings};
 use nacre_sim::photographs::{Pattern, Periods, Score, TilesPhotograph};
 
-/// The paper's 10 × 8 tiles, 1.66 µm, 560 nm and a Gaussian light, on a small picture.
+/// The paper's 10 × 8 tiles, 1.66 µm, 560 nm and a Gaussian light, in a small picture.
 fn paper() -> TilesPhotograph {
     TilesPhotograph { width: 440, height: 320, coherence_um: 8.0, band_nm: 4.0, ..TilesPhotograph::default() }
 }
 
-/// Maps under several settings of one set of photographs.
+/// Maps of one set of photographs under several settings.
 fn mapped<const N: usize>(
     scene: &TilesPhotograph,
     settings: [fn(Settings) -> Settings; N],
@@ -43,7 +43,8 @@ fn the_papers_own_test_is_met_with_tiles_misaligned_by_three_pixels() {
         ],
     )
     .map(Result::unwrap);
-    // The paper: 16.8 % bias. Here at most 2 %, and 5 % of spread with five lights per pixel, 1 % where one period is shared.
+    // The paper: 16.8 % bias. Here at most 2 %, and a spread of 5 % with five lights per pixel, 1 % with one shared
+    // period.
     assert!(one.1.bias.abs() < 0.02 && one.1.spread < 0.01, "{:?}", one.1);
     assert!(each.1.bias.abs() < 0.02 && each.1.spread < 0.05, "{:?}", each.1);
     assert_eq!(one.0.period.choice, PeriodChoice::Sample);
@@ -54,7 +55,7 @@ fn the_papers_own_test_is_met_with_tiles_misaligned_by_three_pixels() {
         assert!(score.masked_inside < 0.15 && score.wrong < 0.002, "{score:?}");
         assert!(report.registration.unwrap().sigma_px < 0.1, "{report:?}");
     }
-    // The paper's way is an order of magnitude further off.
+    // The error of the paper's method is ten times as large.
     assert!(image.1.inside_deg > 10.0 * one.1.inside_deg, "{:?}", image.1);
 }
 
@@ -64,20 +65,21 @@ fn several_periods_are_told_apart_and_second_orders_are_not_taken_for_first() {
     let [mixed] = mapped(&with(Periods::Mixed(vec![1.4, 1.66, 1.9])), [|s| s]).map(Result::unwrap);
     assert_eq!(mixed.0.period.choice, PeriodChoice::Pixel, "{:?}", mixed.0.period);
     assert!(mixed.1.bias.abs() < 0.02 && mixed.1.spread < 0.02 && mixed.1.wrong < 0.002, "{:?}", mixed.1);
-    // 3 µm has its first orders half as far out, and its second where 1.5 µm has its first.
+    // The first orders of 3 µm lie at half the angle, and its second orders at the angle of the first orders of 1.5
+    // µm.
     let far = TilesPhotograph { light_sigma_mm: 4.0, ..with(Periods::Uniform(3.0)) };
     let [long] = mapped(&far, [|s| Settings { period_um: Some([1.0, 6.0]), ..s }]).map(Result::unwrap);
     assert!(long.1.bias.abs() < 0.02 && long.1.spread < 0.01 && long.1.masked < 0.5, "{:?}", long.1);
-    // Where two polygons meet, pixels that see both come in pairs; those were believed once.
+    // Pixels that see two polygons come in pairs. Earlier versions trusted them.
     assert!(long.1.wrong < 0.001, "{:?}", long.1);
 }
 
-/// The first of the lights that lie evenly.
+/// The first of the evenly spaced lights.
 fn lit(lights: usize, scene: TilesPhotograph) -> TilesPhotograph {
     TilesPhotograph { lights_mm: TilesPhotograph::spread(lights), ..scene }
 }
 
-/// Directions that polygons share are looked for.
+/// Tests for directions that polygons share.
 fn by_evidence(settings: Settings) -> Settings {
     Settings { directions: Directions::Auto, ..settings }
 }
@@ -91,7 +93,7 @@ fn one_photograph_of_few_shared_directions_is_a_map() {
         assert!(score.masked < 0.65 && score.wrong <= 0.001 && score.inside_deg < 0.6, "{seed}: {score:?}");
         assert!(score.rms_deg < 1.5 * score.said_deg, "{seed}: {score:?}");
         assert_eq!(report.directions.choice, Directions::Shared, "{:?}", report.directions);
-        // 7° and every 22.5° from there, all of 1.66 µm.
+        // 7° in steps of 22.5°, all of 1.66 µm.
         assert!((7..=8).contains(&report.directions.degrees.len()), "{:?}", report.directions);
         for degrees in &report.directions.degrees {
             let steps = (degrees - 7.0) / 22.5;
@@ -99,12 +101,12 @@ fn one_photograph_of_few_shared_directions_is_a_map() {
         }
         let (um, sigma) = (report.period.um.unwrap(), report.period.sigma_um.unwrap());
         assert!((um - 1.66).abs() < 3.0 * sigma && sigma < 0.03, "{seed}: {um} {sigma}");
-        // Each place by itself has one copy near a lobe, which tells nothing.
+        // Each pixel has one observation near a lobe, which determines nothing.
         assert!(free.1.masked == 1.0, "{:?}", free.1);
     }
 }
 
-/// A thousandth of the pixels with grooves is one pixel here. By themselves, places are masked for 100, 50 to 73, and 42 to 48 %.
+/// 0.001 of the pixels with grooves is one pixel here. Without sharing, 100 %, 50 to 73 % and 42 to 48 % are masked.
 #[test]
 fn one_to_three_photographs_are_seldom_wrong() {
     for (lights, masked) in [(1, 0.65), (2, 0.55), (3, 0.35)] {
@@ -133,7 +135,8 @@ fn sheets_that_share_no_directions_are_masked_under_one_light() {
     }
 }
 
-/// Polygons lie up to so many degrees beside the eight directions: their scatter is in σ, until nothing is shared.
+/// Polygons deviate from the eight directions by up to this many degrees. Their scatter is part of σ, until nothing is
+/// shared.
 #[test]
 fn directions_that_scatter_are_uncertain_and_then_not_shared() {
     let mut masked = vec![];
@@ -159,7 +162,7 @@ fn without_a_calibration_periods_are_relative_and_close() {
     let scene = TilesPhotograph { lights_mm: TilesPhotograph::spread(5), ..paper() };
     let uncalibrated = |s: Settings| Settings { camera_mm: Some(500.0), light_height_mm: Some(200.0), ..s };
     let reference = |s: Settings| Settings {
-        // A tile of the fifth column and the fourth row: 42.68 pixels wide, the sheet 426.8.
+        // A tile in the fifth column and the fourth row: 42.68 pixels wide, the sheet 426.8.
         reference_px: Some([177.0, 121.0, 42.68, 37.73]),
         tiles: None,
         size_mm: None,
@@ -168,7 +171,7 @@ fn without_a_calibration_periods_are_relative_and_close() {
     let [relative, found] = mapped(&scene, [uncalibrated, reference]).map(Result::unwrap);
     assert!(relative.0.relative && relative.0.warnings.iter().any(|w| w.contains("relative")), "{:?}", relative.0);
     assert!(relative.1.bias.abs() < 0.05 && relative.1.inside_deg < 1.0, "{:?}", relative.1);
-    // From one tile, all whole ones are found.
+    // From one tile, all complete tiles are found.
     assert!(
         found.0.tiles >= 56 && found.1.inside_deg < 1.0 && found.1.bias.abs() < 0.02,
         "{} {:?}",

@@ -1,4 +1,4 @@
-//! A wedged analyser shifts the image as it turns, and registration finds by how much.
+//! A wedged analyser shifts the image as it turns, and registration measures the shift.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -16,7 +16,7 @@ fn bench(wedge_px: f64, jitter_px: f64) -> Bench {
     Bench::new(&config, &Silent).unwrap()
 }
 
-/// A photograph at an angle, exposed when everything stands still.
+/// A photograph at an angle, exposed after everything has settled.
 fn photograph(bench: &mut Bench, angle_deg: f64) -> Vec<u16> {
     let steady = bench.turn_analyser(angle_deg);
     loop {
@@ -61,7 +61,7 @@ fn registration_finds_the_wedge() {
     }
 }
 
-/// By whole pixels, the shifted photograph is the unshifted one elsewhere, noise apart.
+/// A photograph shifted by whole pixels equals the unshifted one, except for noise.
 #[test]
 fn the_image_moves_along_the_analyser() {
     let (mut straight, mut wedged) = (bench(0.0, 0.0), bench(5.0, 0.0));

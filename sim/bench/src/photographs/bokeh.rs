@@ -1,7 +1,7 @@
-//! Photographs of an out-of-focus highlight on a grating, in which dark is deep.
+//! Photographs of an out-of-focus highlight on a grating, in which dark pixels are deep.
 //!
-//! Every pixel is the mean of the scene at points that are spread as the lens spreads light and over the pixel's area; no image is
-//! convolved with another, so nothing is shared with what undoes it.
+//! Every pixel is the mean of the scene over quasi-random points, distributed as the lens blur and the pixel's area. No
+//! image is convolved, so no code is shared with the deconvolution.
 
 use super::orders::Profile;
 use crate::random::{electrons, key};
@@ -12,51 +12,51 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Points of the scene that a pixel is the mean of.
+/// Number of points of the scene per pixel.
 const POINTS: usize = 600;
 
-/// Points along each side of a pixel for the truth.
+/// Number of points along each side of a pixel for the ground truth.
 const TRUTH: usize = 6;
 
-/// White of the 16-bit files.
+/// Code of white in the 16-bit files.
 const WHITE: f64 = 65_535.0;
 
-/// Codes of saturated pixels must not be met by noise alone.
+/// Largest level, with a margin so that noise alone does not saturate pixels.
 const BRIGHTEST: f64 = 0.8;
 
-/// A scene.
+/// A scene with a grating and a highlight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BokehPhotograph {
     /// Seed of the noise.
     pub seed: u64,
-    /// Shape of the grooves; blazed ones rise along the grating vector.
+    /// Profile of the grooves; blazed ones rise along the grating vector.
     pub profile: Profile,
-    /// Share of the period that is high, of rectangular grooves.
+    /// Duty cycle of rectangular grooves: fraction of the period that is high.
     pub duty: f64,
     /// Period in µm.
     pub period_um: f64,
-    /// Peak to peak, in µm.
+    /// Peak-to-peak depth in µm.
     pub depth_um: f64,
-    /// Direction of the grating vector, anticlockwise from the right.
+    /// Direction of the grating vector in degrees, anticlockwise from the right.
     pub angle_deg: f64,
-    /// Pixels.
+    /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Size of a pixel on the sample, in µm.
     pub pixel_um: f64,
-    /// Radius of the highlight around the middle, in pixels; 0 where it fills the photograph.
+    /// Radius of the highlight around the centre in pixels; 0 fills the photograph.
     pub highlight_px: f64,
-    /// Light at the lowest and at the highest point, in the highlight, of white.
+    /// Levels at the lowest and the highest point in the highlight, as fractions of white.
     pub light: [f64; 2],
-    /// Light outside the highlight, of white.
+    /// Level outside the highlight, as a fraction of white.
     pub dark: f64,
-    /// Blur of the lens, standard deviation in pixels.
+    /// Standard deviation of the lens blur in pixels.
     pub blur_px: f64,
     /// Electrons at white.
     pub full_scale_e: f64,
-    /// Read noise in electrons.
+    /// Standard deviation of the read noise in electrons.
     pub read_noise_e: f64,
 }
 
@@ -83,7 +83,7 @@ impl Default for BokehPhotograph {
 }
 
 impl BokehPhotograph {
-    /// Refuses numbers that make no sense.
+    /// Checks all numbers.
     ///
     /// # Errors
     /// `Input`, naming the number.
@@ -119,7 +119,7 @@ impl BokehPhotograph {
         Ok(())
     }
 
-    /// Height in µm at a place in pixels, from 0 to the depth.
+    /// Height in µm at a point in pixels, from 0 to the depth.
     fn height_at(&self, [x, y]: [f64; 2]) -> f64 {
         let (sin, cos) = self.angle_deg.to_radians().sin_cos();
         let phase = ((x * cos - y * sin) * self.pixel_um / self.period_um).rem_euclid(1.0);
@@ -131,7 +131,7 @@ impl BokehPhotograph {
             }
     }
 
-    /// Light at a place in pixels, without blur.
+    /// Level at a point in pixels, without blur.
     fn light_at(&self, at: [f64; 2]) -> f64 {
         let off = [at[0] - 0.5 * (self.width - 1) as f64, at[1] - 0.5 * (self.height - 1) as f64];
         if self.highlight_px > 0.0 && off[0].hypot(off[1]) > self.highlight_px {
@@ -140,7 +140,7 @@ impl BokehPhotograph {
         self.light[0] + (self.light[1] - self.light[0]) * self.height_at(at) / self.depth_um
     }
 
-    /// Mean of something over points around every pixel.
+    /// Mean of a function over points around every pixel.
     fn means(&self, points: &[[f64; 2]], of: &(dyn Fn([f64; 2]) -> f64 + Sync)) -> Vec<f64> {
         let one = |i: usize| {
             let (x, y) = ((i % self.width) as f64, (i / self.width) as f64);
@@ -149,9 +149,9 @@ impl BokehPhotograph {
         (0..self.width * self.height).into_par_iter().map(one).collect()
     }
 
-    /// What reaches the sensor, without noise.
+    /// Levels on the sensor, without noise.
     fn blurred(&self) -> Vec<f64> {
-        // A spiral by the golden angle has evenly many points everywhere; its radii are those of a Gaussian.
+        // A golden-angle spiral has uniform density; its radii follow a Gaussian.
         let golden = TAU * (2.0 - 0.5 * (1.0 + 5_f64.sqrt()));
         let point = |k: usize| {
             let share = (k as f64 + 0.5) / POINTS as f64;
@@ -162,17 +162,17 @@ impl BokehPhotograph {
         self.means(&points, &|at| self.light_at(at))
     }
 
-    /// Light and height of the pixels without blur.
+    /// Level and height of the pixels without blur.
     fn truth(&self) -> [Vec<f64>; 2] {
         let place = |k: usize| (k as f64 + 0.5) / TRUTH as f64 - 0.5;
         let points: Vec<[f64; 2]> = (0..TRUTH * TRUTH).map(|k| [place(k % TRUTH), place(k / TRUTH)]).collect();
         [self.means(&points, &|at| self.light_at(at)), self.means(&points, &|at| self.height_at(at))]
     }
 
-    /// The photograph as values of the sensor, 0 (black) to 1 (white), and what it would show without blur and noise.
+    /// The photograph as sensor levels, 0 (black) to 1 (white), and the same without blur and noise.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Those of [`Self::check`].
     pub fn photographed(&self) -> Result<[Vec<f32>; 2]> {
         self.check()?;
         let value = |(i, light): (usize, f64)| {
@@ -184,10 +184,11 @@ impl BokehPhotograph {
         Ok([photograph, light.into_iter().map(|v| v as f32).collect()])
     }
 
-    /// Writes `photograph.png` (16 bits, linear), `truth.exr` (light and height without blur and noise) and `scene.json`.
+    /// Writes `photograph.png` (16 bits, linear), `truth.exr` (level and height without blur and noise) and
+    /// `scene.json`.
     ///
     /// # Errors
-    /// As [`Self::check`]; `Output`.
+    /// Those of [`Self::check`]; `Output`.
     pub fn write(&self, folder: &OutputFolder) -> Result<()> {
         let [photograph, _] = self.photographed()?;
         let codes: Vec<u16> =
@@ -205,7 +206,7 @@ impl BokehPhotograph {
     }
 }
 
-/// The `k`-th number of Halton's sequence, in (0, 1).
+/// The `k`-th number of Halton's sequence in `base`, in (0, 1).
 fn halton(k: usize, base: usize) -> f64 {
     let (mut k, mut part, mut sum) = (k + 1, 1.0, 0.0);
     while k > 0 {
@@ -234,7 +235,7 @@ mod tests {
             let light = scene.blurred();
             let (sin, cos) = f64::to_radians(angle_deg).sin_cos();
             let turn = TAU / 16.0;
-            // 160 × 16 pixels hold whole periods only where the lines stand upright.
+            // 160 × 16 pixels hold whole periods only if the lines are vertical.
             let (mut re, mut im, mut square) = (0.0, 0.0, 0.0);
             for (i, v) in light.iter().enumerate() {
                 let phase = turn * ((i % 160) as f64 * cos - (i / 160) as f64 * sin);

@@ -1,4 +1,4 @@
-//! What photographs in several exposures share: the camera's noise, its files, and the set that describes them.
+//! Exposure brackets, shared by the scenes: noise of the camera, files, and their description.
 
 use crate::random::{electrons, key};
 use nacre_base::{Error, Result};
@@ -7,16 +7,16 @@ use nacre_frames::{FILE_NAME, Frame, FrameSet, Kind, save};
 use nacre_image::{Attribute, OutputFolder, write_exr, write_png16_gray};
 use rayon::prelude::*;
 
-/// Black and white of the 16-bit files.
+/// Codes of black and white in the 16-bit files.
 const BLACK: f64 = 1000.0;
 const WHITE: f64 = 65_000.0;
 
-/// A camera, and the light that it photographs.
+/// A camera with its exposures and filter.
 pub(super) struct Bracket<'a> {
     pub seed: u64,
     pub width: usize,
     pub height: usize,
-    /// Exposures, each so many times the first.
+    /// Exposures relative to the first.
     pub exposures: &'a [f64],
     /// Electrons at white.
     pub full_scale_e: f64,
@@ -25,7 +25,7 @@ pub(super) struct Bracket<'a> {
     pub band_nm: f64,
 }
 
-/// The bracket of a scene: all that photograph have these fields.
+/// The bracket of a scene, from the fields that all scenes have.
 macro_rules! bracket {
     ($scene:expr) => {
         $crate::photographs::bracket::Bracket {
@@ -42,7 +42,7 @@ macro_rules! bracket {
 }
 pub(super) use bracket;
 
-/// Refuses exposures that make no sense.
+/// Checks the exposures.
 pub(super) fn check_exposures(exposures: &[f64]) -> Result<()> {
     if (1..=16).contains(&exposures.len()) && exposures.iter().all(|e| (1e-6..=1e6).contains(e)) {
         return Ok(());
@@ -51,7 +51,8 @@ pub(super) fn check_exposures(exposures: &[f64]) -> Result<()> {
 }
 
 impl Bracket<'_> {
-    /// A 16-bit file of levels (of white) with the camera's noise; `id` keeps the noise of files apart.
+    /// Writes levels (fraction of white) as a 16-bit file with the camera's noise; `id` makes the noise of files
+    /// independent.
     pub fn save(
         &self,
         folder: &OutputFolder,
@@ -68,7 +69,8 @@ impl Bracket<'_> {
         write_png16_gray(&folder.path(name), self.width, self.height, &codes)
     }
 
-    /// All exposures of a photograph whose levels are those of the first, and the frames that say so; the files' names begin with `name`.
+    /// Writes all exposures of a photograph with these levels in the first one. Returns their frames; file names begin
+    /// with `name`.
     pub fn expose(
         &self,
         folder: &OutputFolder,
@@ -96,8 +98,8 @@ impl Bracket<'_> {
         folder.write(FILE_NAME, save(&set).as_bytes())
     }
 
-    /// Writes one photograph whole: exposures in which the brightest pixel of the first has this level, `frames.json` and `truth.exr`,
-    /// the radiance without noise.
+    /// Writes a complete photograph: exposures, `frames.json` and `truth.exr` (radiance without noise). `level` is
+    /// that of the brightest pixel in the first exposure.
     pub fn write(&self, folder: &OutputFolder, radiance: &[f64], level: f64) -> Result<()> {
         let top = radiance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
         let frames = self.expose(folder, ("", 0), &|i| radiance[i] / top * level)?;

@@ -1,8 +1,8 @@
-//! Photographs of a homogeneous diffracting surface under a flash behind a narrow-band filter.
+//! Photographs of a homogeneous diffracting surface under a flash, through a narrow-band filter.
 //!
-//! Every pixel is a place on the surface with its own directions to camera and flash. Radiance is summed over the flash's
-//! disc and the filter's band; each order is a Gaussian in direction cosines as wide as the coherence allows, and holds its
-//! share of the light. Nothing of the reconstruction's formulas is used.
+//! Every pixel is a point of the surface with its own directions to camera and flash. Radiance is summed over the
+//! flash's disc and the filter's band. Each order is a Gaussian in direction cosines, whose width is set by the
+//! coherence and whose integral is its efficiency. No formulas are shared with the reconstruction.
 
 use super::bracket::{bracket, check_exposures};
 use super::orders::{Orders, Surface};
@@ -13,45 +13,45 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// A scene.
+/// A scene with one flash.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlashPhotograph {
     /// Seed of the noise.
     pub seed: u64,
-    /// What is photographed.
+    /// The surface.
     pub surface: Surface,
-    /// Standard deviation of the field's coherence on the surface, in µm.
+    /// Standard deviation of the coherence function on the surface in µm.
     pub coherence_um: f64,
-    /// Middle of the filter's band in nm.
+    /// Centre wavelength of the filter in nm.
     pub wavelength_nm: f64,
     /// Full width at half maximum of the filter's band in nm.
     pub band_nm: f64,
-    /// Pixels.
+    /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Size of a pixel on the surface, in µm.
     pub pixel_um: f64,
-    /// Camera above the surface, in mm; it looks straight down.
+    /// Height of the camera above the surface in mm; it looks straight down.
     pub camera_mm: f64,
-    /// Flash above the surface, in mm.
+    /// Height of the flash above the surface in mm.
     pub flash_mm: f64,
-    /// From the camera to the flash, to the right and up, in mm.
+    /// Position of the flash relative to the camera, to the right and up, in mm.
     pub baseline_mm: [f64; 2],
     /// Diameter of the flash in mm.
     pub flash_diameter_mm: f64,
-    /// Place of the zero order in the photograph, in pixels right and down of its middle.
+    /// Position of the zero order in the photograph, in pixels right and down from the centre.
     pub zero_order_px: [f64; 2],
-    /// Blur of the lens, standard deviation in pixels.
+    /// Standard deviation of the lens blur in pixels.
     pub blur_px: f64,
-    /// Exposures, each so many times the first.
+    /// Exposures relative to the first.
     pub exposures: Vec<f64>,
-    /// Level of the brightest pixel in the first exposure, of white.
+    /// Level of the brightest pixel in the first exposure, as a fraction of white.
     pub level: f64,
     /// Electrons at white.
     pub full_scale_e: f64,
-    /// Read noise in electrons.
+    /// Standard deviation of the read noise in electrons.
     pub read_noise_e: f64,
 }
 
@@ -85,15 +85,15 @@ impl Default for FlashPhotograph {
     }
 }
 
-/// Rings of points on the flash, and wavelengths in its band.
+/// Number of rings of points on the flash, and of wavelengths in the band.
 const RINGS: i32 = 4;
 const WAVELENGTHS: i32 = 7;
 
-/// Orders are looked for within so many of their standard deviations.
+/// Number of standard deviations within which an order contributes.
 const REACH: f64 = 5.0;
 
 impl FlashPhotograph {
-    /// Refuses numbers that make no sense.
+    /// Checks all numbers.
     ///
     /// # Errors
     /// `Input`, naming the number.
@@ -152,10 +152,10 @@ impl FlashPhotograph {
         Ok(())
     }
 
-    /// Where camera, light and zero order are.
+    /// Positions of camera, light and zero order.
     fn geometry(&self) -> Geometry {
         let [bx, by] = self.baseline_mm;
-        // The zero order lies where both heights see it under one angle.
+        // The mirror point divides the baseline in proportion to the heights.
         let share = self.camera_mm / (self.camera_mm + self.flash_mm);
         Geometry { zero_mm: [bx * share, by * share], light_mm: [bx, by, self.flash_mm], camera_mm: self.camera_mm }
     }
@@ -163,12 +163,12 @@ impl FlashPhotograph {
     /// Radiance of every pixel, row 0 on top, in units of (flash intensity in W/sr) per mm² and sr.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Those of [`Self::check`].
     pub fn radiance(&self) -> Result<Vec<f64>> {
         self.check()?;
         let (lambda, geometry) = (self.wavelength_nm / 1000.0, self.geometry());
         let half = 0.5 * self.band_nm / 1000.0;
-        // A Gaussian band, looked at within three of its half widths at half maximum.
+        // A Gaussian band, truncated at three half widths at half maximum.
         let band: Vec<[f64; 2]> = (-WAVELENGTHS / 2..=WAVELENGTHS / 2)
             .map(|k| {
                 let off = 3.0 * f64::from(k) / f64::from(WAVELENGTHS / 2);
@@ -199,7 +199,7 @@ impl FlashPhotograph {
         Ok(blurred(&sharp, self.width, self.blur_px))
     }
 
-    /// Radiance that one point of the flash causes at a place.
+    /// Radiance at a point of the surface due to one point of the flash.
     fn under_point(&self, orders: &Orders, band: &[[f64; 2]], geometry: &Geometry, at: [f64; 2], off: [f64; 2]) -> f64 {
         let to = |[x, y, z]: [f64; 3]| {
             let d = [x - at[0], y - at[1], z];
@@ -222,10 +222,11 @@ impl FlashPhotograph {
         irradiance * brdf
     }
 
-    /// Σ energy · Gaussian of the orders near to these direction cosines, which is the BRDF: its integral over direction cosines is the
-    /// energy that is reflected.
+    /// BRDF: Σ energy · Gaussian over the orders near these direction cosines. Its integral over direction cosines is
+    /// the reflected energy.
     fn orders_at(&self, orders: &Orders, along: [f64; 2], lambda: f64, w: f64) -> f64 {
-        // The amplitude's Gaussian of this σ on the surface is one of λ/(2π σ) in direction cosines, its square 1/√2 of that.
+        // A Gaussian amplitude of this σ on the surface has σ = λ/(2π σ) in direction cosines, its square 1/√2 of
+        // that.
         let sigma = lambda / (TAU * self.coherence_um * 2.0_f64.sqrt());
         let near = |axis: usize| {
             let spacing = lambda / orders.pitch_um[axis];
@@ -249,33 +250,33 @@ impl FlashPhotograph {
         sum / (TAU * sigma * sigma)
     }
 
-    /// Writes the exposures with their `frames.json`, `truth.exr` (radiance without noise) and `scene.json` (all that was
-    /// assumed).
+    /// Writes the exposures with their `frames.json`, `truth.exr` (radiance without noise) and `scene.json` (all
+    /// parameters).
     ///
     /// # Errors
-    /// As [`Self::check`]; `Output`.
+    /// Those of [`Self::check`]; `Output`.
     pub fn write(&self, folder: &OutputFolder) -> Result<()> {
         bracket!(self).write(folder, &self.radiance()?, self.level)?;
         folder.write_json("scene.json", self)
     }
 }
 
-/// Where things are, in mm, with the camera at the origin of x and y.
+/// Positions in mm, with the camera at the origin of x and y.
 struct Geometry {
-    /// Place of the zero order.
+    /// Position of the zero order.
     zero_mm: [f64; 2],
     light_mm: [f64; 3],
     camera_mm: f64,
 }
 
-/// Points evenly over a disc.
+/// Uniformly spaced points on a disc.
 pub(super) fn disc(radius: f64) -> Vec<[f64; 2]> {
     if radius == 0.0 {
         return vec![[0.0, 0.0]];
     }
     (0..RINGS)
         .flat_map(|ring| {
-            // Rings of equal area per point.
+            // Every point of a ring represents the same area.
             let n = 6 * ring + 3;
             let r = radius * ((f64::from(3 * ring * ring) + 0.5 * f64::from(n)) / f64::from(3 * RINGS * RINGS)).sqrt();
             (0..n).map(move |k| {
@@ -286,7 +287,7 @@ pub(super) fn disc(radius: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Convolved with a Gaussian.
+/// Convolves an image with a Gaussian.
 pub(super) fn blurred(image: &[f64], width: usize, sigma: f64) -> Vec<f64> {
     if sigma == 0.0 {
         return image.to_vec();

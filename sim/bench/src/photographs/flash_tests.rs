@@ -1,10 +1,10 @@
-//! Orders against the grating equation and closed forms.
+//! Diffraction orders against the grating equation and closed forms.
 
 use super::*;
 use crate::photographs::orders::Profile;
 use std::f64::consts::PI;
 
-/// A grating far from camera and flash, so that every pixel is a direction.
+/// A grating far from camera and flash, so that pixels correspond to directions.
 fn far(surface: Surface) -> FlashPhotograph {
     FlashPhotograph {
         surface,
@@ -46,7 +46,7 @@ fn orders_lie_where_the_grating_equation_says_with_their_energy() {
     };
     let wanted = (series(1) / series(0)).powi(2);
     assert!((one / zero / wanted - 1.0).abs() < 5e-3, "{} {wanted}", one / zero);
-    // The zero order's radiance, summed over directions, is its share of the irradiance.
+    // The zero order's radiance, integrated over directions, is its efficiency times the irradiance.
     let irradiance = 1.0 / (1e5 * 1e5);
     let energy = (series(0) / 2000.0).powi(2);
     assert!((zero * 0.0005 * 0.0005 / irradiance / energy - 1.0).abs() < 5e-3);

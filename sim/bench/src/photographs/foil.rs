@@ -1,8 +1,8 @@
-//! Photographs of foil: dots too small to be seen, whose gratings have random orientations and periods.
+//! Photographs of foil with dots below the resolution, whose gratings have random orientations and periods.
 //!
-//! The distribution is a formula, and so is the light: a pixel's radiance is the sum, over points of the flash, wavelengths of the band
-//! and orders up to the third, of the density of dots whose grating vector sends that order to the camera. Nothing is counted in bins, and
-//! nothing of the reconstruction's formulas is used.
+//! The distribution is a closed form. A pixel's radiance sums the density of dots whose grating vector diffracts an
+//! order to the camera. The sum is over points of the flash, wavelengths of the band, and orders up to the third.
+//! There are no bins, and no formulas are shared with the reconstruction.
 
 use super::bracket::{bracket, check_exposures};
 use super::flash::{blurred, disc};
@@ -14,57 +14,57 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-/// A scene.
+/// A scene with a foil.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FoilPhotograph {
     /// Seed of the noise.
     pub seed: u64,
-    /// How periods depend on orientations.
+    /// Period as a function of orientation.
     pub pattern: FoilPattern,
-    /// Standard deviation of the period about that, in µm.
+    /// Standard deviation of the period about that function, in µm.
     pub spread_um: f64,
-    /// Depth of the gratings, sinusoidal, peak to peak, in µm.
+    /// Peak-to-peak depth of the sinusoidal gratings in µm.
     pub depth_um: f64,
-    /// Middle of the filter's band in nm.
+    /// Centre wavelength of the filter in nm.
     pub wavelength_nm: f64,
     /// Full width at half maximum of the filter's band in nm.
     pub band_nm: f64,
-    /// Pixels.
+    /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Size of a pixel on the foil, in µm.
     pub pixel_um: f64,
-    /// Camera above the foil, in mm; it looks straight down.
+    /// Height of the camera above the foil in mm; it looks straight down.
     pub camera_mm: f64,
-    /// Flash above the foil, in mm.
+    /// Height of the flash above the foil in mm.
     pub flash_mm: f64,
-    /// From the camera to the flash, to the right and up, in mm.
+    /// Position of the flash relative to the camera, to the right and up, in mm.
     pub baseline_mm: [f64; 2],
     /// Diameter of the flash in mm.
     pub flash_diameter_mm: f64,
     /// Standard deviation of the zero order in half vectors.
     pub gloss: f64,
-    /// Blur of the lens, standard deviation in pixels.
+    /// Standard deviation of the lens blur in pixels.
     pub blur_px: f64,
-    /// Exposures, each so many times the first.
+    /// Exposures relative to the first.
     pub exposures: Vec<f64>,
-    /// Level of the brightest pixel in the first exposure, of white.
+    /// Level of the brightest pixel in the first exposure, as a fraction of white.
     pub level: f64,
     /// Electrons at white.
     pub full_scale_e: f64,
-    /// Read noise in electrons.
+    /// Standard deviation of the read noise in electrons.
     pub read_noise_e: f64,
 }
 
-/// How periods depend on orientations; all orientations are equally frequent.
+/// Period as a function of orientation; orientations are uniformly distributed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum FoilPattern {
     /// One period in µm: a circle.
     Circle(f64),
-    /// From the first at 0° to the second at 180°, in µm: a spiral of two arms.
+    /// From the first period at 0° to the second at 180°, in µm: a spiral of two arms.
     Spiral([f64; 2]),
 }
 
@@ -94,7 +94,7 @@ impl Default for FoilPhotograph {
     }
 }
 
-/// Wavelengths of the band.
+/// Number of wavelengths in the band.
 const WAVELENGTHS: i32 = 5;
 
 impl FoilPattern {
@@ -108,7 +108,7 @@ impl FoilPattern {
 }
 
 impl FoilPhotograph {
-    /// Refuses numbers that make no sense.
+    /// Checks all numbers.
     ///
     /// # Errors
     /// `Input`, naming the number.
@@ -149,13 +149,13 @@ impl FoilPhotograph {
         check_exposures(&self.exposures)
     }
 
-    /// Density of dots over orientation (rad) and period (µm): integrates to 1.
+    /// Probability density of dots over orientation (rad) and period (µm).
     pub fn density(&self, theta: f64, um: f64) -> f64 {
         let off = (um - self.pattern.period_um(theta.rem_euclid(PI))) / self.spread_um;
         (-0.5 * off * off).exp() / (TAU.sqrt() * self.spread_um * PI)
     }
 
-    /// Density of dots over grating vectors (in 1/µm), of which each dot has two.
+    /// Density of dots over grating vectors (in 1/µm), each dot with its vector and the opposite one.
     fn vectors(&self, [x, y]: [f64; 2]) -> f64 {
         let lines = x.hypot(y);
         // dx dy = lines · d(lines) dθ, and d(period) = d(lines)/lines².
@@ -165,16 +165,17 @@ impl FoilPhotograph {
     /// Radiance of every pixel, row 0 on top, in units of (flash intensity in W/sr) per mm² and sr.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Those of [`Self::check`].
     pub fn radiance(&self) -> Result<Vec<f64>> {
         self.radiance_of(&|k| self.vectors(k))
     }
 
-    /// The same for dots with another density over grating vectors (in 1/µm, half of the plane or all, each vector and its opposite being
-    /// one dot): the photograph of a foil that was made anew.
+    /// Radiance of a foil with another density of dots over grating vectors (in 1/µm), such as a reproduced foil.
+    ///
+    /// The density covers half of the plane or all of it; a vector and its opposite are one dot.
     ///
     /// # Errors
-    /// As [`Self::check`].
+    /// Those of [`Self::check`].
     pub fn radiance_of(&self, vectors: &(dyn Fn([f64; 2]) -> f64 + Sync)) -> Result<Vec<f64>> {
         self.check()?;
         let band: Vec<[f64; 2]> = (-WAVELENGTHS / 2..=WAVELENGTHS / 2)
@@ -202,7 +203,7 @@ impl FoilPhotograph {
         Ok(blurred(&sharp, self.width, self.blur_px))
     }
 
-    /// Half vector, sum of cosines and irradiance at a place, with the camera over the origin.
+    /// Half vector, sum of cosines and irradiance at a point, with the camera above the origin.
     fn half(&self, at: [f64; 2], source: [f64; 3]) -> ([f64; 2], f64, f64) {
         let to = |[x, y, z]: [f64; 3]| {
             let d = [x - at[0], y - at[1], z];
@@ -213,7 +214,7 @@ impl FoilPhotograph {
         ([i[0] + o[0], i[1] + o[1]], i[2] + o[2], i[2] / (distance * distance))
     }
 
-    /// Light in all orders, per direction cosine squared: sums to the light that falls in.
+    /// Light in all orders per unit of squared direction cosine; the integral is the incident light.
     fn orders(&self, half: [f64; 2], w: f64, lambda: f64, vectors: &(dyn Fn([f64; 2]) -> f64 + Sync)) -> f64 {
         let energy = |n: i32| libm::jn(n, PI * w * self.depth_um / lambda).powi(2);
         let square = (half[0] * half[0] + half[1] * half[1]) / (self.gloss * self.gloss);
@@ -225,7 +226,7 @@ impl FoilPhotograph {
         zero + (1..=3).map(order).sum::<f64>()
     }
 
-    /// Where camera and flash are.
+    /// Positions of camera and flash.
     pub fn geometry(&self) -> Geometry {
         let focal = self.camera_mm / (self.pixel_um / 1000.0);
         let center_px = [0.5 * (self.width - 1) as f64, 0.5 * (self.height - 1) as f64];
@@ -243,10 +244,11 @@ impl FoilPhotograph {
         }
     }
 
-    /// Writes the exposures with their `frames.json`, `geometry.json`, `truth.exr` (radiance without noise) and `scene.json`.
+    /// Writes the exposures with their `frames.json`, `geometry.json`, `truth.exr` (radiance without noise) and
+    /// `scene.json`.
     ///
     /// # Errors
-    /// As [`Self::check`]; `Output`.
+    /// Those of [`Self::check`]; `Output`.
     pub fn write(&self, folder: &OutputFolder) -> Result<()> {
         bracket!(self).write(folder, &self.radiance()?, self.level)?;
         folder.write("geometry.json", text(&self.geometry()).as_bytes())?;

@@ -1,4 +1,4 @@
-//! Photographs that are rendered as a whole, apart from the bench: what one camera sees of a diffracting surface.
+//! Photographs rendered without the bench: one camera's view of a diffracting surface.
 
 mod bokeh;
 mod bracket;

@@ -1,7 +1,7 @@
-//! Which orders a homogeneous surface reflects light into, and how much into each.
+//! Diffraction orders of a homogeneous surface and their efficiencies.
 //!
-//! Scalar diffraction of a phase profile: a ray that comes in and leaves at angles with `w = cos θi + cos θr` sees the phase
-//! `2π h w / λ`. Nothing is expanded in powers of the depth.
+//! Scalar diffraction by a phase profile: a ray with `w = cos θi + cos θr` sees the phase `2π h w / λ`. There is no
+//! expansion in powers of the depth.
 
 use num_complex::Complex;
 use schemars::JsonSchema;
@@ -12,76 +12,77 @@ use std::f64::consts::{PI, TAU};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Surface {
-    /// Rectangular cells on a ground, as of an LCD behind its glass.
+    /// Rectangular cells on a ground, such as an LCD behind its glass.
     Lattice {
         /// Pitch along x and y in µm.
         pitch_um: [f64; 2],
-        /// Share of the pitch that a cell takes up along x and y.
+        /// Fill factor of a cell along x and y, as a fraction of the pitch.
         fill: [f64; 2],
-        /// Amplitude reflected by the cells, and by the ground between them.
+        /// Reflected amplitude of the cells, and of the ground between them.
         amplitude: [f64; 2],
-        /// How much deeper the cells lie, in µm.
+        /// Depth of the cells below the ground in µm.
         depth_um: f64,
     },
     /// Straight grooves.
     Grating {
-        /// Their shape.
+        /// Profile of the grooves.
         profile: Profile,
         /// Period in µm.
         period_um: f64,
-        /// Peak to peak, in µm.
+        /// Peak-to-peak depth in µm.
         depth_um: f64,
-        /// Direction of the grating vector, anticlockwise from the right.
+        /// Direction of the grating vector in degrees, anticlockwise from the right.
         angle_deg: f64,
     },
-    /// Patches of straight grooves in so many directions, evenly over the half turn, smaller than can be seen: holographic paper.
+    /// Holographic paper: patches of straight grooves below the resolution, with uniformly spaced directions over
+    /// 180°.
     Paper {
         /// Period in µm.
         period_um: f64,
-        /// Peak to peak, in µm; sinusoidal.
+        /// Peak-to-peak depth of the sinusoidal grooves in µm.
         depth_um: f64,
         /// Number of directions.
         directions: u32,
     },
 }
 
-/// Shape of grooves.
+/// Profile of grooves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Profile {
     /// A sinusoid.
     Sinusoid,
-    /// Straight up, then down at once.
+    /// Sawtooth: a linear rise and a vertical drop.
     Blazed,
-    /// Pits half as wide as the period, as of a compact disc.
+    /// Pits half as wide as the period, as in a compact disc.
     Rectangular,
 }
 
-/// Samples of a profile over one period.
+/// Samples of a profile per period.
 const SAMPLES: usize = 1024;
 
-/// Highest order that is looked at.
+/// Highest diffraction order.
 const HIGHEST: i32 = 256;
 
-/// Values of w/λ that amplitudes are calculated for; between them intensities are interpolated.
+/// Number of values of w/λ at which efficiencies are computed; between them they are interpolated.
 const NODES: usize = 33;
 
-/// Energy that each order gets, relative to the light that falls on the surface.
+/// Energy of each order relative to the incident light.
 pub(super) struct Orders {
-    /// Patches: direction of the first axis in rad, share of the area.
+    /// Patches: direction of the first axis in rad, and fraction of the area.
     pub patches: Vec<[f64; 2]>,
-    /// Period along the patches' axes in µm; infinite for none.
+    /// Period along the patches' axes in µm; infinite without periodicity.
     pub pitch_um: [f64; 2],
-    /// From least to largest w/λ in 1/µm.
+    /// Smallest and largest w/λ in 1/µm.
     range: [f64; 2],
-    /// Orders to each side along the axes.
+    /// Highest orders along the axes.
     count: [i32; 2],
-    /// By node, order along y, order along x.
+    /// Energies by node, order along y, order along x.
     energy: Vec<f64>,
 }
 
 impl Surface {
-    /// Its orders for w/λ within `range` in 1/µm, up to the direction cosines `reach` at the least wavelength `least_um`.
+    /// Orders for w/λ within `range` in 1/µm, up to direction cosines `reach` at the shortest wavelength `least_um`.
     pub(super) fn orders(&self, range: [f64; 2], reach: f64, least_um: f64) -> Orders {
         let pitch_um = match *self {
             Self::Lattice { pitch_um, .. } => pitch_um,
@@ -102,7 +103,7 @@ impl Surface {
         Orders { patches, pitch_um, range, count, energy }
     }
 
-    /// Energy of all orders at one w/λ.
+    /// Energy of all orders at one value of w/λ.
     fn energy(&self, s: f64, [m, n]: [i32; 2]) -> Vec<f64> {
         match *self {
             Self::Lattice { fill, amplitude: [cell, ground], depth_um, .. } => {
@@ -123,7 +124,7 @@ impl Surface {
     }
 }
 
-/// Energy of the orders `-m..=m` of a profile whose depth, times w/λ, is `turns`.
+/// Energies of the orders `-m..=m` of a profile; `turns` is its depth times w/λ.
 fn line(profile: Profile, turns: f64, m: i32) -> Vec<f64> {
     let height = |x: f64| match profile {
         Profile::Sinusoid => 0.5 * (TAU * x).cos(),
@@ -141,7 +142,7 @@ fn line(profile: Profile, turns: f64, m: i32) -> Vec<f64> {
 }
 
 impl Orders {
-    /// Energy of an order at this w/λ; none of those that are not looked at.
+    /// Energy of an order at this w/λ; 0 for orders that are not computed.
     pub(super) fn at(&self, order: [i32; 2], s: f64) -> f64 {
         let [m, n] = self.count;
         if order[0].abs() > m || order[1].abs() > n {
@@ -160,7 +161,7 @@ impl Orders {
 mod tests {
     use super::*;
 
-    /// Bessel's J of integer order, by its integral.
+    /// Bessel function J of integer order from its integral.
     fn bessel(m: i32, x: f64) -> f64 {
         let n = 2000;
         let at = |k: i32| {
@@ -179,10 +180,10 @@ mod tests {
             }
             assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-9);
         }
-        // A blaze of one whole wave sends everything into the first order.
+        // A blaze of one wavelength diffracts everything into the first order.
         let blazed = line(Profile::Blazed, 1.0, 3);
         assert!((blazed[4] - 1.0).abs() < 1e-4, "{blazed:?}");
-        // Half a wave between halves of equal width leaves nothing in the zero order.
+        // A phase step of half a wave between equal halves cancels the zero order.
         let pits = line(Profile::Rectangular, 0.5, 1);
         assert!(pits[1] < 1e-9 && (pits[2] - 4.0 / (PI * PI)).abs() < 1e-4, "{pits:?}");
     }
@@ -192,7 +193,7 @@ mod tests {
         let surface =
             Surface::Lattice { pitch_um: [20.0, 20.0], fill: [0.5, 0.5], amplitude: [1.0, 1.0], depth_um: 0.1 };
         let energy: f64 = surface.energy(2.0 / 0.55, [200, 200]).iter().sum();
-        // What is missing lies in orders beyond 200.
+        // The remaining energy is in orders beyond 200.
         assert!((0.99..=1.0).contains(&energy), "{energy}");
     }
 }

@@ -1,4 +1,4 @@
-//! Pictures of the renderer against photographs of the simulator, which shares none of its formulas: absolute radiance, pixel by pixel.
+//! Absolute radiance of the renderer against the simulator, pixel by pixel; they share no formulas.
 
 use super::*;
 use nacre_base::progress::Silent;
@@ -7,7 +7,8 @@ use std::path::Path;
 
 const SIDE: usize = 48;
 
-/// A photograph whose orders are several pixels wide, so that it does not matter that it samples places and the renderer covers pixels.
+/// A photograph whose orders are several pixels wide, as the simulator samples points and the renderer integrates over
+/// pixels.
 fn photograph(surface: Surface, coherence_um: f64) -> FlashPhotograph {
     FlashPhotograph {
         surface,
@@ -18,16 +19,16 @@ fn photograph(surface: Surface, coherence_um: f64) -> FlashPhotograph {
         height: SIDE,
         pixel_um: 3200.0,
         flash_diameter_mm: 10.0,
-        // Three weights whose variance is that of a pixel, 1/12.
+        // Three weights with the variance of a uniform pixel, 1/12.
         blur_px: 0.402,
         baseline_mm: [64.0, 32.0],
-        // The middle of the photograph is below the camera.
+        // The centre of the photograph lies below the camera.
         zero_order_px: [10.0, -5.0],
         ..FlashPhotograph::default()
     }
 }
 
-/// The same, rendered: radiance per flash intensity.
+/// Rendering of the same scene: radiance per flash intensity.
 fn rendered(of: &FlashPhotograph, diffraction: &str) -> Vec<f64> {
     let [bx, by] = of.baseline_mm;
     let fov = 2.0 * (0.5 * SIDE as f64 * of.pixel_um / 1000.0 / of.camera_mm).atan().to_degrees();
@@ -37,10 +38,10 @@ fn rendered(of: &FlashPhotograph, diffraction: &str) -> Vec<f64> {
          sigma_mm = {:?}\nspectrum = {:?}\n[material.a.diffraction]\n{diffraction}\ncoherence_um = {:?}\n",
         of.camera_mm,
         of.flash_mm,
-        // A disc's standard deviation along a line.
+        // Standard deviation of a disc along one axis.
         of.flash_diameter_mm / 4.0,
         of.wavelength_nm,
-        // Four standard deviations of the field are the coherence length of Stam's window.
+        // Stam's window has a coherence length of four standard deviations of the field.
         4.0 * of.coherence_um
     );
     let scene: Scene = toml::from_str(&text).unwrap();
@@ -59,16 +60,18 @@ fn the_renderer_shows_what_the_simulator_photographs() {
         )
     };
     let lattice = Surface::Lattice { pitch_um: [20.0, 30.0], fill: [0.6, 0.8], amplitude: [1.0, 0.0], depth_um: 0.0 };
-    // The renderer scales powers until no direction gains or loses light; the simulator leaves scalar theory as it is, which has lost what goes
-    // below the horizon and sees each order under a depth of its own. That is next to nothing of a lattice's orders, which lie near to the mirror
-    // direction, 1 % of a sinusoid, 3 % of a rectangular relief, whose high orders are strong, and 9 % of the weak orders of a blazed one.
+    // The renderer rescales efficiencies until energy is conserved in every direction. The simulator uses plain scalar
+    // theory: it loses evanescent orders, and the phase depth varies between orders. The difference is negligible for
+    // a lattice, whose orders lie near the mirror direction. It is 1 % for a sinusoid, 3 % for a rectangular relief
+    // with its strong high orders, and 9 % for the weak orders of a blazed grating.
     let cases = [
         (grating(Profile::Sinusoid, 0.15), 6.0, relief("\"sinusoid\"", 0.15), [0.02, 0.012]),
         (grating(Profile::Blazed, 0.2), 6.0, relief("\"blazed\"", 0.2), [0.09, 0.10]),
         (grating(Profile::Rectangular, 0.12), 6.0, relief("{ rectangular = { duty = 0.5 } }", 0.12), [0.04, 0.035]),
         (lattice, 12.0, "type = \"lattice\"\nperiod_um = [20, 30]\naperture_um = [12, 24]".to_owned(), [0.02, 0.003]),
     ];
-    // Allowed: the root mean square of the differences over that of the radiances, and the difference of all light.
+    // Tolerances: root mean square difference relative to that of the radiances, and relative difference of total
+    // light.
     for (surface, coherence, diffraction, [each, all]) in cases {
         let photograph = photograph(surface, coherence);
         let truth = photograph.radiance().unwrap();

@@ -1,4 +1,4 @@
-//! What a sample is made of.
+//! Configuration of samples.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,33 +7,33 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SampleConfig {
-    /// Which sample.
+    /// Kind of sample.
     pub kind: SampleKind,
-    /// Side of the tile, or diameter, in mm; by default that of the real thing.
+    /// Side of the tile, or diameter, in mm. Default: that of the real sample.
     pub size_mm: Option<f64>,
-    /// Depth of the grating, peak to peak, in µm.
+    /// Peak-to-peak depth of the grating in µm.
     pub depth_um: f64,
-    /// Period in µm; by default 1.6 for a CD, 1.2 for a mosaic and 1 for the rest. Samples of several periods scale with it.
+    /// Period in µm. Default: 1.6 for a CD, 1.2 for a mosaic, otherwise 1. It scales all periods of a sample.
     pub period_um: Option<f64>,
-    /// Smooth variation of the reflectance over the sample: 0.4 is ±40 %.
+    /// Smooth variation of the reflectance over the sample: 0.4 means ±40 %.
     pub reflectance_variation: f64,
-    /// Pitch of the printed grating dots in µm; without it orientations vary continuously.
+    /// Pitch of the printed grating dots in µm. Default: orientations vary continuously.
     pub dot_um: Option<f64>,
-    /// Share of the dots (50 µm without `dot_um`) that carry no grating.
+    /// Fraction of dots (50 µm without `dot_um`) without grating.
     pub dead_dots: f64,
-    /// Share of the dots that carry a random orientation, so that pixels mix; at most 1 together with `dead_dots`.
+    /// Fraction of dots with a random orientation, so that pixels are mixed. At most 1 together with `dead_dots`.
     pub mixed_dots: f64,
-    /// Root mean square slope of smooth surface bumps in degrees, per direction.
+    /// Root mean square slope of smooth surface bumps per direction, in degrees.
     pub bumps_deg: f64,
     /// Number of scratches.
     pub scratches: u32,
 }
 
-/// Samples.
+/// Kinds of samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SampleKind {
-    /// Kinematic tile: ten sectors in which the orientation turns by 180°, smaller ones at the corners.
+    /// Kinematic tile: ten sectors in which the orientation rotates by 180°, smaller ones at the corners.
     #[default]
     Kinematic,
     /// Gradient stars of several sizes.
@@ -44,20 +44,20 @@ pub enum SampleKind {
     Circles,
     /// Bursts of strokes, circles and small stars.
     Fireworks,
-    /// Round logo of polygons, 15 mm, on paper that does not diffract.
+    /// Round logo of polygons, 15 mm, on non-diffracting paper.
     Logo,
     /// Currency emblem: bands of orientations, and fine rings of longer periods.
     Emblem,
     /// Compact disc, tracks tangential, with hub and hole.
     Cd,
-    /// Foil of random squares whose periods follow their orientations, so that a flash makes a spiral.
+    /// Foil of random squares whose periods depend on their orientations, so that a flash makes a spiral.
     Stochastic,
-    /// Random polygons, each with its own orientation and a period from the sample's to 2.5 times that.
+    /// Independent polygons with random orientations, and periods from the sample's to 2.5 times that.
     Mosaic,
 }
 
 impl SampleKind {
-    /// All samples.
+    /// All kinds.
     pub const ALL: [Self; 10] = [
         Self::Kinematic,
         Self::Stars,
@@ -117,7 +117,7 @@ impl SampleConfig {
         })
     }
 
-    /// Side of the square that the camera should see, in mm: a margin around samples with a surround.
+    /// Side of the camera's square field in mm, with a margin around samples that have a surround.
     pub fn field_mm(&self) -> f64 {
         let margin = match self.kind {
             SampleKind::Logo | SampleKind::Emblem | SampleKind::Cd => 1.08,
@@ -146,15 +146,15 @@ impl SampleConfig {
         })
     }
 
-    /// Pitch of dots and of defects in mm.
+    /// Pitch of dots and defects in mm.
     pub(super) fn cell_mm(&self) -> f64 {
         self.dot_um.unwrap_or(if self.kind == SampleKind::Stochastic { 60.0 } else { 50.0 }) / 1000.0
     }
 
-    /// Checks every number.
+    /// Checks all values.
     ///
     /// # Errors
-    /// A sentence that names the key, what was found and what is allowed.
+    /// A sentence with the key, its value and the allowed range.
     pub fn validate(&self) -> Result<(), String> {
         for (key, value, low, high) in [
             ("size_mm", self.size_mm(), 0.1, 1000.0),

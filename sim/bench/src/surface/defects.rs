@@ -1,16 +1,16 @@
-//! What keeps real samples from being ideal: uneven reflectance, dead and mixed dots, bumps, scratches.
+//! Defects of real samples: uneven reflectance, dead and mixed dots, bumps, scratches.
 
 use super::{Point, SampleConfig, Surface};
 use crate::random::{hash, key, normals, uniform};
 
-/// Reflectance at the top of its variation.
+/// Largest reflectance.
 const TOP: f64 = 0.95;
 
-/// Reflectance of paper and of a scratch, which scatter part of their light away from the camera besides.
+/// Reflectance of paper and of scratches, which also scatter light away from the camera.
 const PAPER: f32 = 0.8;
 const SCRATCH: f32 = 0.15;
 
-/// Size of bumps in mm, and number of waves that make them.
+/// Wavelength scale of bumps in mm, and number of plane waves.
 const BUMP_MM: f64 = 2.0;
 const WAVES: usize = 24;
 
@@ -20,21 +20,21 @@ pub(super) struct Defects {
     dead: f64,
     mixed: f64,
     variation: f64,
-    /// Phases of the reflectance along x and y.
+    /// Phases of the reflectance variation along x and y.
     phases: [f64; 2],
     waves: Vec<Wave>,
     scratches: Vec<Scratch>,
     size: f64,
 }
 
-/// One plane wave of the surface's height: wave vector (rad/mm), phase, slope amplitude.
+/// A plane wave of the surface's height: wave vector (rad/mm), phase, slope amplitude.
 struct Wave {
     k: [f64; 2],
     phase: f64,
     slope: f64,
 }
 
-/// A straight line: a point on it, its unit normal, half width in mm.
+/// A straight scratch: a point on it, its unit normal, half width in mm.
 struct Scratch {
     point: [f64; 2],
     normal: [f64; 2],
@@ -52,7 +52,7 @@ impl Defects {
             .map(|i| {
                 let length = BUMP_MM * (0.6 + 0.8 * random(1, i));
                 let k = std::f64::consts::TAU / length;
-                // Directions evenly spread, so that few waves already have equal slopes along x and y.
+                // Uniformly spaced directions, so that slopes along x and y are equal even with few waves.
                 let direction = std::f64::consts::PI * (i as f64 + random(2, i)) / WAVES as f64;
                 Wave { k: [k * direction.cos(), k * direction.sin()], phase: angle(3, i), slope }
             })
@@ -70,7 +70,7 @@ impl Defects {
         Self { seed, dead: config.dead_dots, mixed: config.mixed_dots, variation, phases, waves, scratches, size }
     }
 
-    /// The grating of a dot, or what the dot became; `grating(turn)` makes it, turned by a random angle when mixed.
+    /// Surface of a dot. `grating(turn)` returns its grating, rotated by a random angle if the dot is mixed.
     pub(super) fn dot(&self, column: i64, row: i64, grating: impl Fn(f64) -> Surface) -> Surface {
         if self.dead == 0.0 && self.mixed == 0.0 {
             return grating(0.0);
@@ -104,7 +104,7 @@ impl Defects {
         Point { surface, reflectance, slope }
     }
 
-    /// Smooth, between (1 - v) and (1 + v) of its mean: a product of waves as long as the sample.
+    /// Smooth reflectance, between (1 - v) and (1 + v) of its mean: a product of waves as long as the sample.
     fn reflectance(&self, x: f64, y: f64) -> f32 {
         let [px, py] = self.phases;
         let k = 3.0 * std::f64::consts::PI / self.size;

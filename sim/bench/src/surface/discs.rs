@@ -1,10 +1,10 @@
-//! Samples made of discs.
+//! Samples of discs.
 
 use super::{Ideal, Pattern};
 use crate::random::{key, uniform};
 
-/// Ten sectors around the centre in which the orientation turns by 180° each, and four smaller such centres at the
-/// corners (2018 paper, Fig. 12 and 16).
+/// Ten sectors around the centre, in each of which the orientation rotates by 180°, and four smaller such centres at
+/// the corners (2018 paper, Fig. 12 and 16).
 pub(super) struct Kinematic {
     pub(super) half: f64,
 }
@@ -13,12 +13,12 @@ impl Pattern for Kinematic {
     fn at(&self, x: f64, y: f64) -> Ideal {
         let inner = 0.82 * self.half;
         let (cx, cy) = if x.hypot(y) < inner { (0.0, 0.0) } else { (self.half.copysign(x), self.half.copysign(y)) };
-        // Orientation has a period of 180°, so five turns of it make ten sectors.
+        // Orientations have a period of 180°, so five of their turns make ten sectors.
         Ideal::Grating(5.0 * (y - cy).atan2(x - cx), 1.0)
     }
 }
 
-/// Circles of several sizes lie over each other; each holds concentric or constant orientations (2018 paper, Fig. 17).
+/// Overlapping circles of several sizes with concentric or constant orientations (2018 paper, Fig. 17).
 pub(super) struct Circles {
     /// Centre, radius, orientation, concentric; the topmost first.
     circles: Vec<([f64; 2], f64, f64, bool)>,
@@ -30,7 +30,7 @@ impl Circles {
         let circles = (0..70)
             .map(|i| {
                 let center = [half * (2.2 * random(0, i) - 1.1), half * (2.2 * random(1, i) - 1.1)];
-                // Small ones on top, so that none is hidden.
+                // Small circles are on top, so that none is hidden.
                 let radius = half * (0.06 + 0.36 * (i as f64 / 69.0).powf(1.5));
                 (center, radius, std::f64::consts::PI * random(2, i), random(3, i) < 0.5)
             })
@@ -52,14 +52,14 @@ impl Pattern for Circles {
     }
 }
 
-/// A compact disc scaled to its diameter: the tracks are tangential, so it diffracts radially.
+/// A compact disc scaled to its diameter: its tracks are tangential, so it diffracts radially.
 pub(super) struct Cd {
     pub(super) half: f64,
 }
 
 impl Pattern for Cd {
     fn at(&self, x: f64, y: f64) -> Ideal {
-        // Radii of a standard disc of 120 mm, in parts of its 60 mm; the program area ends at the rim shown.
+        // Radii of a standard disc of 120 mm, as fractions of 60 mm; the program area ends at the visible rim.
         match x.hypot(y) / self.half {
             r if !(0.125..1.0).contains(&r) => Ideal::Nothing,
             r if r < 0.36 => Ideal::Diffuse,

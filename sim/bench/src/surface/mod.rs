@@ -1,4 +1,4 @@
-//! Synthetic diffracting samples: what the surface is at every point, with its defects.
+//! Synthetic diffracting samples: the surface at every point, with defects.
 
 mod config;
 mod defects;
@@ -11,12 +11,12 @@ pub use config::{SampleConfig, SampleKind};
 
 use defects::Defects;
 
-/// What the surface is at one point.
+/// Surface at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Its kind.
+    /// Kind of surface.
     pub surface: Surface,
-    /// Multiplies all light from it, 0 to 1.
+    /// Reflectance, 0 to 1, which multiplies all light.
     pub reflectance: f32,
     /// Tilt of the surface, dz/dx and dz/dy.
     pub slope: [f32; 2],
@@ -31,14 +31,14 @@ pub enum Surface {
         orientation: f32,
         /// Period in µm.
         period_um: f32,
-        /// Depth, peak to peak, in µm.
+        /// Peak-to-peak depth in µm.
         depth_um: f32,
     },
     /// Metal without a grating.
     Mirror,
     /// Paper or plastic: scatters and depolarises.
     Diffuse,
-    /// Nothing that reflects.
+    /// No reflection.
     Nothing,
 }
 
@@ -48,7 +48,7 @@ trait Pattern: Send + Sync {
     fn at(&self, x: f64, y: f64) -> Ideal;
 }
 
-/// What a pattern says of a point.
+/// Ideal surface of a pattern at a point.
 #[derive(Clone, Copy)]
 enum Ideal {
     /// Orientation (rad, any range) and period relative to the sample's.
@@ -66,7 +66,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Makes the sample; the same configuration and seed give the same surface.
+    /// Builds the sample; equal configurations and seeds give equal surfaces.
     pub fn new(config: &SampleConfig, seed: u64) -> Self {
         let half = 0.5 * config.size_mm();
         let pattern: Box<dyn Pattern> = match config.kind {
@@ -84,16 +84,16 @@ impl Sample {
         Self { pattern, defects: Defects::new(config, seed), config: config.clone() }
     }
 
-    /// Side of the square that the camera should see, in mm.
+    /// Side of the camera's square field in mm.
     pub fn field_mm(&self) -> f64 {
         self.config.field_mm()
     }
 
-    /// The surface at a point (mm).
+    /// The surface at a point in mm.
     pub fn at(&self, x: f64, y: f64) -> Point {
         let cell = self.config.cell_mm();
         let (column, row) = ((x / cell).floor(), (y / cell).floor());
-        // A printed dot has the orientation that the pattern has at its middle.
+        // A printed dot has the orientation of the pattern at its centre.
         let (px, py) = match self.config.dot_um {
             Some(_) => ((column + 0.5) * cell, (row + 0.5) * cell),
             None => (x, y),
@@ -213,7 +213,7 @@ mod tests {
         assert_eq!(surface(0.95, 0.9), None, "paper");
         let (crown, period) = surface(0.0, -0.2).unwrap();
         assert!((crown - 0.33 * std::f32::consts::PI).abs() < 1e-3 && period == 1.0, "{crown} {period}");
-        // Below the crown, rings 0.25 mm apart in turn.
+        // Below the crown, alternating rings 0.25 mm apart.
         let rings: Vec<_> =
             (0..4).map(|k| surface(0.0, -0.2 - 0.0125 - 0.025 * f64::from(20 + k)).unwrap().1).collect();
         assert_eq!(rings, [2.0, 1.4, 2.0, 1.4]);
@@ -222,7 +222,7 @@ mod tests {
         assert_eq!(surface(0.1, 0.55).unwrap().0, bands[0], "a band runs near-horizontally");
     }
 
-    /// 160 000 points over 40 mm.
+    /// 160,000 points over 40 mm.
     fn points(config: SampleConfig, seed: u64) -> Vec<Point> {
         let s = Sample::new(&config, seed);
         (0..160_000).map(|k| s.at(f64::from(k % 400) * 0.1 - 20.0, f64::from(k / 400) * 0.1 - 20.0)).collect()
@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn the_asked_share_of_dots_is_dead() {
-        // Points 0.1 mm apart lie on dots of their own. Many seeds, since one in 370 is over three sigma by itself.
+        // Points 0.1 mm apart lie on different dots. Many seeds, since one in 370 exceeds three sigma.
         let config = SampleConfig { dead_dots: 0.2, ..SampleConfig::default() };
         let (mut dead, mut n) = (0.0, 0.0);
         for seed in 0..20 {

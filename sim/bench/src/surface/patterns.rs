@@ -1,11 +1,11 @@
-//! Samples whose period varies as well.
+//! Samples with varying period.
 
 use super::{Ideal, Pattern};
 use crate::random::{hash, key, uniform};
 use std::f64::consts::PI;
 
-/// A currency emblem: an oval medallion on paper; at its top near-horizontal bands of different orientations, a crown
-/// in the middle, fine concentric rings of longer periods around it (2018 paper, Fig. 19).
+/// A currency emblem: an oval medallion on paper (2018 paper, Fig. 19). It has near-horizontal bands of different
+/// orientations at the top, a crown in the middle, and fine concentric rings of longer periods.
 pub(super) struct Emblem {
     pub(super) half: f64,
 }
@@ -27,7 +27,7 @@ impl Pattern for Emblem {
             return Ideal::Grating(azimuth, period);
         }
         if v > 0.25 {
-            // The bands lean a little, so that their edges cross pixel rows.
+            // The bands are slightly inclined, so that their edges cross pixel rows.
             let band = ((v + 0.06 * u) / 0.085).floor();
             return Ideal::Grating(band * 0.37 * PI, 1.0);
         }
@@ -35,9 +35,9 @@ impl Pattern for Emblem {
     }
 }
 
-/// Orientation inside a crown around the origin, about 0.8 wide: a band with jewels, and five points with balls on them.
+/// Orientation inside a crown around the origin, about 0.8 wide: a band with jewels, and five points with balls.
 fn crown(u: f64, v: f64) -> Option<f64> {
-    // The crown widens upwards, so across it, from -1 to 1, goes with the height.
+    // The crown widens upwards, so the scale of `across`, from -1 to 1, depends on the height.
     let across = u / (0.3 + 0.22 * (v + 0.26));
     if !(-1.2..=1.2).contains(&across) || !(-0.26..=0.4).contains(&v) {
         return None;
@@ -58,8 +58,8 @@ fn crown(u: f64, v: f64) -> Option<f64> {
     (v < height - 1.1 * (across - tip).abs()).then_some((0.33 + 0.1 * v) * PI)
 }
 
-/// Random squares. Orientation is uniform and the period grows with it from 0.8 to 1.6 of the sample's, so that a flash
-/// makes a spiral (2018 paper, section 4.5 and Fig. 7b).
+/// Random squares with uniform orientation. The relative period grows with the orientation from 0.8 to 1.6, so that a
+/// flash makes a spiral (2018 paper, section 4.5 and Fig. 7b).
 pub(super) struct Stochastic {
     pub(super) square: f64,
     pub(super) seed: u64,

@@ -1,10 +1,10 @@
-//! Samples made of polygons.
+//! Samples of polygons.
 
 use super::{Ideal, Pattern};
 use crate::random::{key, uniform};
 use std::f64::consts::PI;
 
-/// Polygons around random seeds, one in each cell of a grid that repeats at the sample's edge (Voronoi cells).
+/// Voronoi polygons with one random seed in each cell of a grid, periodic at the sample's edge.
 struct Cells {
     per_side: i64,
     side: f64,
@@ -12,11 +12,11 @@ struct Cells {
 }
 
 impl Cells {
-    /// Key of the polygon that a point lies in, and its middle.
+    /// Key of the polygon that contains a point, and its seed.
     fn find(&self, x: f64, y: f64) -> (u64, [f64; 2]) {
         let (column, row) = ((x / self.side).floor() as i64, (y / self.side).floor() as i64);
         let mut best = (f64::INFINITY, 0, [0.0; 2]);
-        // From the nearest column and row outwards, so that most of the far cells are passed over unhashed.
+        // From the nearest column and row outwards, so that most distant cells are skipped without hashing.
         for j in [0, -1, 1, -2, 2].map(|k| row + k) {
             for i in [0, -1, 1, -2, 2].map(|k| column + k) {
                 if self.gap(i, x).powi(2) + self.gap(j, y).powi(2) >= best.0 {
@@ -35,7 +35,7 @@ impl Cells {
         (best.1, best.2)
     }
 
-    /// How far a coordinate lies outside the cell of an index, along one axis, in mm.
+    /// Distance of a coordinate from the cell of an index, along one axis, in mm.
     fn gap(&self, index: i64, value: f64) -> f64 {
         let low = index as f64 * self.side;
         (low - value).max(value - low - self.side).max(0.0)
@@ -58,7 +58,7 @@ impl Pattern for Paper {
     }
 }
 
-/// Polygons that have nothing in common: random orientations, and periods that are spread evenly from 1 to 2.5.
+/// Independent polygons: random orientations, and relative periods uniformly distributed from 1 to 2.5.
 pub(super) struct Mosaic(Cells);
 
 impl Mosaic {
@@ -74,7 +74,7 @@ impl Pattern for Mosaic {
     }
 }
 
-/// A round logo of polygons, each with a smooth gradient of orientations, on paper that does not diffract.
+/// A round logo of polygons, each with a smooth gradient of orientations, on non-diffracting paper.
 pub(super) struct Logo {
     cells: Cells,
     radius: f64,
@@ -89,7 +89,7 @@ impl Logo {
 impl Pattern for Logo {
     fn at(&self, x: f64, y: f64) -> Ideal {
         let r = x.hypot(y) / self.radius;
-        // Two lens shapes are left out of the disc, so that the diffracting part has an inner outline too.
+        // Two lens-shaped holes give the diffracting part inner outlines too.
         let lens = |cx: f64| (x / self.radius - cx).hypot(y / self.radius) < 0.55;
         if r > 1.0 || (lens(-0.38) != lens(0.38) && r > 0.86) {
             return Ideal::Diffuse;
@@ -133,7 +133,7 @@ mod tests {
             let [x, y] = [0, 1].map(|axis| 10.0 * uniform(key(&[k, axis])));
             let (_, [mx, my]) = cells.find(x, y);
             let found = (x - mx).hypot(y - my);
-            // No middle of the neighbourhood, each found by asking at itself, is nearer.
+            // No seed of the neighbourhood is nearer; each is found by looking up its own position.
             for step in 0..25_u64 {
                 let (dx, dy) = ((step % 5) as f64 - 2.0, (step / 5) as f64 - 2.0);
                 let (_, [ox, oy]) = cells.find(x + 0.4 * dx, y + 0.4 * dy);

@@ -1,4 +1,4 @@
-//! Samples made of stars and strokes.
+//! Samples of stars and strokes.
 
 use super::{Ideal, Pattern};
 use crate::random::{key, uniform};
@@ -29,14 +29,14 @@ impl Star {
     }
 }
 
-/// Stars of different sizes; the orientation turns around each one's centre, on a background of one orientation.
+/// Stars of different sizes. The orientation rotates around each centre; the background has one orientation.
 pub(super) struct Stars(Vec<Star>);
 
 impl Stars {
     pub(super) fn new(half: f64, seed: u64) -> Self {
         let random = |k: u64, i: u64| uniform(key(&[seed, 0x57, k, i]));
         let mut stars: Vec<Star> = vec![];
-        // Large ones first; a star that would touch an earlier one is left out.
+        // In decreasing size; a star that would touch an earlier one is omitted.
         for i in 0..600 {
             let radius = half * (0.34 * (1.0 - i as f64 / 600.0).powi(2) + 0.05);
             let center = [half * (2.0 * random(0, i) - 1.0), half * (2.0 * random(1, i) - 1.0)];
@@ -86,10 +86,10 @@ impl Burst {
         }
         let position = (azimuth - self.turn) * self.strokes / TAU;
         let off = (position - position.round()).abs() * TAU / self.strokes * r;
-        // Strokes taper towards both ends, and every other one is shorter.
+        // Strokes taper towards both ends, and every second one is shorter.
         let reach = if position.round().rem_euclid(2.0) < 1.0 { 1.0 } else { 0.75 };
         let width = 0.05 * ((r - 0.3) * (reach - r)).max(0.0).sqrt() / 0.3;
-        // The orientation runs along the stroke, so that light travels outwards as the sample turns.
+        // The orientation varies along the stroke, so that light travels outwards as the sample rotates.
         (off < width).then_some(azimuth + PI * r)
     }
 }

@@ -1,8 +1,9 @@
-//! Flash photographs of a sheet of repeated tiles, as of holographic gift paper (2018 paper, sections 4 and 7.1).
+//! Flash photographs of a sheet of repeated tiles, such as holographic gift paper (2018 paper, sections 4 and 7.1).
 //!
-//! Every pixel is a ray that meets the sheet at a place with its own directions to the camera and to each point of the light. Radiance is
-//! summed over the light's area and the filter's band; each order is a Gaussian in direction cosines as wide as the coherence
-//! allows, and holds its exact share of the light. Nothing of the reconstruction's formulas is used.
+//! Every pixel is a ray to a point of the sheet with its own directions to the camera and to each point of the light.
+//! Radiance is summed over the light's area and the filter's band. Each order is a Gaussian in direction cosines,
+//! whose width is set by the coherence and whose integral is its exact efficiency. No formulas are shared with the
+//! reconstruction.
 
 mod pattern;
 mod render;
@@ -24,55 +25,55 @@ use pattern::Tile;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A scene.
+/// A scene with a tiled sheet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TilesPhotograph {
     /// Seed of polygons, misalignments and noise.
     pub seed: u64,
-    /// Tiles to the right and down.
+    /// Number of tiles to the right and down.
     pub tiles: [usize; 2],
     /// Width and height of a tile in mm.
     pub tile_mm: [f64; 2],
-    /// What is printed in a tile.
+    /// Pattern of a tile.
     pub pattern: Pattern,
-    /// How far tiles lie from where they should, at most, along each axis, in pixels of the photograph.
+    /// Largest misalignment of a tile along each axis, in pixels of the photograph.
     pub misaligned_px: f64,
-    /// The sheet's turn about the axes to the right and up, of which the geometry does not say anything.
+    /// Tilt of the sheet about the axes to the right and up in degrees, unknown to the geometry.
     pub tilt_deg: [f64; 2],
-    /// How much higher the middle of the sheet lies than the middle of its right and left edge, in mm: a cylinder.
+    /// Height of the sheet's centre above its left and right edge in mm: a cylinder.
     pub bow_mm: f64,
-    /// Standard deviation of the field's coherence on the surface, in µm.
+    /// Standard deviation of the coherence function on the surface in µm.
     pub coherence_um: f64,
-    /// Middle of the filter's band in nm.
+    /// Centre wavelength of the filter in nm.
     pub wavelength_nm: f64,
     /// Full width at half maximum of the filter's band in nm.
     pub band_nm: f64,
-    /// Places of the light, in mm from the sheet's middle: right, up and above; one photograph each.
+    /// Positions of the light relative to the sheet's centre in mm (right, up, above), one photograph each.
     pub lights_mm: Vec<[f64; 3]>,
-    /// Standard deviation of a Gaussian light in mm (2018 paper, section 7.1), in the plane of the sheet.
+    /// Standard deviation of a Gaussian light parallel to the sheet in mm (2018 paper, section 7.1).
     pub light_sigma_mm: f64,
-    /// Diameter of an even disc of light in its place, in mm.
+    /// Diameter of a uniform disc of light in mm, instead of the Gaussian.
     pub light_disc_mm: Option<f64>,
-    /// The camera, in mm from the sheet's middle; it looks there.
+    /// Position of the camera relative to the sheet's centre in mm; it looks at the centre.
     pub camera_mm: [f64; 3],
-    /// Pixels.
+    /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// Blur of the lens, standard deviation in pixels.
+    /// Standard deviation of the lens blur in pixels.
     pub blur_px: f64,
-    /// Stray light on the sheet, over the brightest pixel's.
+    /// Stray light on the sheet, relative to the brightest pixel.
     pub stray: f64,
-    /// Exposures, each so many times the first.
+    /// Exposures relative to the first.
     pub exposures: Vec<f64>,
-    /// Level of the brightest pixel in the first exposure, of white.
+    /// Level of the brightest pixel in the first exposure, as a fraction of white.
     pub level: f64,
     /// Electrons at white.
     pub full_scale_e: f64,
-    /// Read noise in electrons.
+    /// Standard deviation of the read noise in electrons.
     pub read_noise_e: f64,
-    /// Whether there is a photograph by room light too, in which every polygon has its own grey.
+    /// Whether to add a photograph under room light, in which every polygon has its own grey level.
     pub room: bool,
 }
 
@@ -106,22 +107,24 @@ impl Default for TilesPhotograph {
     }
 }
 
-/// Share of the picture's width that the sheet takes up.
+/// Fraction of the picture's width that the sheet fills.
 const FILLED: f64 = 0.97;
 
 impl TilesPhotograph {
-    /// Places of up to five lights 200 mm above the default sheet, such that the half vectors which a place of the tile is seen
-    /// under lie evenly: they differ by fifths of what a tile's width and height are worth.
+    /// Up to five positions of a light 200 mm above the default sheet.
+    ///
+    /// They are chosen so that the half vectors of one point of the tile, over all lights and tiles, are evenly
+    /// spaced: in steps of a fifth of the change across a tile.
     pub fn spread(lights: usize) -> Vec<[f64; 3]> {
         let at = |k: usize| {
             let fifth = |n: usize| (n % 5) as f64 / 5.0 - 0.4;
-            // 1/200 + 1/500 per mm of the sheet, 1/200 per mm of the light.
+            // Half vectors change by 1/200 + 1/500 per mm on the sheet, and by 1/200 per mm of the light.
             [29.7 * 1.4 * fifth(2 + k), 26.25 * 1.4 * fifth(2 + 2 * k), 200.0]
         };
         (0..lights.clamp(1, 5)).map(at).collect()
     }
 
-    /// Refuses numbers that make no sense.
+    /// Checks all numbers.
     ///
     /// # Errors
     /// `Input`, naming the number.
@@ -174,12 +177,12 @@ impl TilesPhotograph {
         [0, 1].map(|k| self.tiles[k] as f64 * self.tile_mm[k])
     }
 
-    /// Where camera and sheet are, as a perfect calibration has it: the sheet flat and at z = 0.
+    /// Positions of camera and sheet in a perfect calibration: the sheet is flat and at z = 0.
     pub fn geometry(&self) -> Geometry {
         let c = self.camera_mm;
         let distance = c.iter().map(|v| v * v).sum::<f64>().sqrt();
         let z = c.map(|v| -v / distance);
-        // z × up, and z × x, which is down.
+        // z × up, and z × x, which points down.
         let level = (z[0] * z[0] + z[2] * z[2]).sqrt();
         let x = [-z[2] / level, 0.0, z[0] / level];
         let y = [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]];
@@ -194,28 +197,28 @@ impl TilesPhotograph {
         Geometry { wavelength_nm: Some(self.wavelength_nm), image_px, ..Geometry::new(camera, sample) }
     }
 
-    /// Size of a pixel on the sheet's middle, in mm.
+    /// Size of a pixel at the sheet's centre in mm.
     pub fn pixel_mm(&self) -> f64 {
         self.sheet_mm()[0] / (FILLED * self.width as f64)
     }
 
-    /// How far a tile (column, row from the top) lies from where it should, right and down, in mm.
+    /// Misalignment of a tile (column, row from the top), right and down, in mm.
     pub fn offset_mm(&self, tile: [usize; 2]) -> [f64; 2] {
         let part = |axis: u64| 2.0 * uniform(key(&[self.seed, 5, tile[0] as u64, tile[1] as u64, axis])) - 1.0;
         [0, 1].map(|axis| part(axis) * self.misaligned_px * self.pixel_mm())
     }
 
-    /// Grooves at a place in mm from the left and the top of a tile.
+    /// Grooves at a point in mm from the left and the top of a tile.
     pub fn grooves(&self) -> impl Fn([f64; 2]) -> Option<Grooves> + Sync {
         let tile = Tile::new(&self.pattern, self.tile_mm, self.seed);
         move |place| tile.at(place)
     }
 
-    /// Writes the photographs with their `frames.json`, `geometry.json`, `truth.exr` (one tile at the pitch of the photographs) and
-    /// `scene.json` (all that was assumed).
+    /// Writes the photographs with their `frames.json`, `geometry.json`, `truth.exr` (one tile at the pitch of the
+    /// photographs) and `scene.json` (all parameters).
     ///
     /// # Errors
-    /// As [`Self::check`]; `Output`.
+    /// Those of [`Self::check`]; `Output`.
     pub fn write(&self, folder: &OutputFolder) -> Result<()> {
         self.check()?;
         let mut photographs = vec![];
@@ -240,7 +243,7 @@ impl TilesPhotograph {
         folder.write_json("scene.json", self)
     }
 
-    /// Orientation and period of one tile.
+    /// Writes orientation and period of one tile.
     fn write_truth(&self, folder: &OutputFolder) -> Result<()> {
         let pitch = self.pixel_mm();
         let [width, height] = self.tile_mm.map(|mm| ((mm / pitch).round() as usize).max(1));

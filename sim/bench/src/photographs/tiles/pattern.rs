@@ -1,4 +1,4 @@
-//! What is printed in one tile: polygons, each with one direction of grooves.
+//! Pattern of one tile: polygons, each with one direction of grooves.
 
 use crate::random::{key, uniform};
 use nacre_base::{Error, Result};
@@ -6,27 +6,27 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// Polygons around scattered points, with a gap without grooves between them.
+/// Voronoi polygons of scattered points, separated by gaps without grooves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Pattern {
     /// Number of polygons in a tile.
     pub polygons: usize,
-    /// Number of directions, evenly over the half turn; polygons have them in turn.
+    /// Number of directions, uniformly spaced over 180°; polygons use them in turn.
     pub directions: u32,
-    /// The first of them, anticlockwise from the right.
+    /// First direction in degrees, anticlockwise from the right.
     pub first_deg: f64,
-    /// By how much the direction turns from the left to the right of a tile, within polygons as well, in degrees.
+    /// Rotation of the direction from the left to the right edge of a tile in degrees, also within polygons.
     pub swirl_deg: f64,
-    /// By how much each polygon's direction is off at most, in degrees.
+    /// Largest random error of a polygon's direction in degrees.
     pub jitter_deg: f64,
     /// Width of the gaps in mm.
     pub gap_mm: f64,
     /// Periods of the grooves.
     pub periods: Periods,
-    /// Depth of the grooves, sinusoids, peak to peak, in µm.
+    /// Peak-to-peak depth of the sinusoidal grooves in µm.
     pub depth_um: f64,
-    /// Share of every polygon's area that has grooves across the first ones, between them, smaller than can be seen.
+    /// Fraction of every polygon's area with grooves perpendicular to the others, mixed below the resolution.
     pub crossed: f64,
 }
 
@@ -34,16 +34,16 @@ pub struct Pattern {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Periods {
-    /// One for all.
+    /// One period for all polygons.
     Uniform(f64),
-    /// Polygons have them in turn.
+    /// Polygons use these periods in turn.
     Mixed(Vec<f64>),
-    /// From the left to the right of a tile, linearly.
+    /// Linear from the left to the right edge of a tile.
     Graded([f64; 2]),
 }
 
 impl Default for Pattern {
-    /// That of the 2018 paper's simulated test (section 7.1): 600 lines per millimetre.
+    /// Pattern of the 2018 paper's simulated test (section 7.1): 600 lines per mm.
     fn default() -> Self {
         Self {
             polygons: 24,
@@ -59,14 +59,14 @@ impl Default for Pattern {
     }
 }
 
-/// Grooves at a place.
+/// Grooves at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grooves {
-    /// Which polygon.
+    /// Index of the polygon.
     pub polygon: usize,
     /// Direction of the grating vector in rad, `[0, π)`, anticlockwise from the right.
     pub orientation: f64,
-    /// In µm.
+    /// Period in µm.
     pub period_um: f64,
     /// Distance to the polygon's edge, in mm.
     pub edge_mm: f64,
@@ -81,7 +81,7 @@ pub(super) struct Tile {
 }
 
 impl Pattern {
-    /// Refuses what is none.
+    /// Checks all numbers.
     pub(super) fn check(&self) -> Result<()> {
         let bad = |name: &str, expected: &str| Err(Error::input(name, "is out of range", expected));
         if !(1..=400).contains(&self.polygons) || !(1..=360).contains(&self.directions) {
@@ -102,12 +102,12 @@ impl Pattern {
         Ok(())
     }
 
-    /// The longest period, whose orders are the most.
+    /// Longest period, which has the most orders.
     pub(super) fn longest_um(&self) -> f64 {
         self.periods.all().iter().copied().fold(0.0, f64::max)
     }
 
-    /// The shortest period, whose orders the band spreads most.
+    /// Shortest period, whose orders are dispersed most by the band.
     pub(super) fn shortest_um(&self) -> f64 {
         self.periods.all().iter().copied().fold(f64::MAX, f64::min)
     }
@@ -124,7 +124,7 @@ impl Periods {
 }
 
 impl Tile {
-    /// Polygons around points that lie on a jittered grid, so that none is tiny.
+    /// Polygons around the points of a jittered grid, so that none is tiny.
     pub(super) fn new(pattern: &Pattern, size_mm: [f64; 2], seed: u64) -> Self {
         let across = ((pattern.polygons as f64 * size_mm[0] / size_mm[1]).sqrt().round() as usize).max(1);
         let down = pattern.polygons.div_ceil(across);
@@ -136,7 +136,7 @@ impl Tile {
         Self { middles: (0..pattern.polygons).map(middle).collect(), size_mm, pattern: pattern.clone(), seed }
     }
 
-    /// Grooves at a place in mm from the tile's left and top edge; none in gaps and outside.
+    /// Grooves at a point in mm from the tile's left and top edge; `None` in gaps and outside.
     pub(super) fn at(&self, place: [f64; 2]) -> Option<Grooves> {
         if (0..2).any(|k| !(0.0..self.size_mm[k]).contains(&place[k])) {
             return None;
@@ -148,7 +148,7 @@ impl Tile {
         };
         let (polygon, own) = nearest(None)?;
         let border = (0..2).map(|k| place[k].min(self.size_mm[k] - place[k])).fold(f64::MAX, f64::min);
-        // The edge lies half-way to the next middle.
+        // The edge lies half-way to the next centre.
         let between = |k: usize, m: &[f64; 2]| {
             let [dx, dy] = [0, 1].map(|axis| m[axis] - self.middles[polygon][axis]);
             let apart = dx.hypot(dy);
@@ -157,7 +157,7 @@ impl Tile {
         let inner = self.middles.iter().enumerate().map(|(k, m)| between(k, m)).fold(border, f64::min);
         let edge_mm = inner - 0.5 * self.pattern.gap_mm;
         let step = PI / f64::from(self.pattern.directions);
-        // In turn, but not so that neighbours in a row differ by one step.
+        // In turn, with a step such that neighbours in a row do not differ by one.
         let turn = (polygon * 5 + polygon / 8) as f64;
         let period_um = match &self.pattern.periods {
             Periods::Uniform(one) => *one,

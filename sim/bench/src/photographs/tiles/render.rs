@@ -7,25 +7,25 @@ use crate::random::{key, uniform};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Most wavelengths to each side in the filter's band.
+/// Most wavelengths on each side of the band's centre.
 const WAVELENGTHS: i32 = 4;
 
-/// Orders are looked for within so many of their standard deviations.
+/// Number of standard deviations within which an order contributes.
 const REACH: f64 = 5.0;
 
-/// Orders to each side.
+/// Highest diffraction order.
 const HIGHEST: i32 = 3;
 
-/// Points of the light lie so many standard deviations of an order apart, or closer.
+/// Largest distance of adjacent points of the light, in standard deviations of an order.
 const APART: f64 = 1.4;
 
-/// Gaussian lights end at so many of their standard deviations.
+/// Radius at which Gaussian lights are truncated, in standard deviations.
 const ENDS: f64 = 3.5;
 
-/// Places that a pixel at an edge of a polygon is made of, along each axis.
+/// Samples per axis of a pixel at the edge of a polygon.
 const PARTS: usize = 3;
 
-/// A vector.
+/// A 3D vector.
 type V = [f64; 3];
 
 fn dot(a: V, b: V) -> f64 {
@@ -38,42 +38,43 @@ fn towards(from: V, to: V) -> (V, f64) {
     (d.map(|v| v / length), length)
 }
 
-/// The scene, prepared.
+/// The scene, prepared for rendering.
 struct Bench<'a> {
     scene: &'a TilesPhotograph,
     tile: Tile,
     orders: Orders,
-    /// Wavelength in µm, weight.
+    /// Wavelengths in µm with weights.
     band: Vec<[f64; 2]>,
-    /// Points of the light around its middle in mm, weight.
+    /// Points of the light relative to its centre in mm, with weights.
     points: Vec<[f64; 3]>,
-    /// How far from its middle the light reaches, in mm.
+    /// Radius of the light in mm.
     reach_mm: f64,
-    /// Standard deviation of an order per µm of the wavelength, in direction cosines.
+    /// Standard deviation of an order in direction cosines, per µm of wavelength.
     sigma: f64,
     light: V,
-    /// Axes of the camera in sample coordinates, and its focal length in pixels.
+    /// Axes of the camera in sample coordinates. The focal length that follows is in pixels.
     axes: [V; 3],
     focal: f64,
 }
 
-/// A place on the sheet.
+/// A point of the sheet.
 struct Place {
     at: V,
-    /// To the right along the surface, up along it, out of it.
+    /// Unit vectors to the right and up along the surface, and its normal.
     frame: [V; 3],
     polygon: Option<Grooves>,
 }
 
 impl TilesPhotograph {
-    /// Radiance of every pixel under a light, row 0 on top, in units of (intensity of the light in W/sr) per mm² and sr.
+    /// Radiance of every pixel under a light, row 0 on top, in units of (intensity of the light in W/sr) per mm² and
+    /// sr.
     pub fn radiance(&self, light: V) -> Vec<f64> {
         let bench = Bench::new(self, light);
         let sharp: Vec<f64> = (0..self.width * self.height).into_par_iter().map(|i| bench.pixel(i)).collect();
         crate::photographs::flash::blurred(&sharp, self.width, self.blur_px)
     }
 
-    /// What room light shows: a grey for every polygon, unevenly lit.
+    /// Photograph under room light: a grey level for every polygon, with uneven illumination.
     pub(super) fn room_light(&self) -> Vec<f64> {
         let bench = Bench::new(self, self.lights_mm[0]);
         let grey = |offset: [f64; 2], i: usize| {
@@ -95,9 +96,11 @@ impl TilesPhotograph {
 impl<'a> Bench<'a> {
     fn new(scene: &'a TilesPhotograph, light: V) -> Self {
         let (lambda, half) = (scene.wavelength_nm / 1000.0, 0.5 * scene.band_nm / 1000.0);
-        // The amplitude's Gaussian of this σ on the surface is one of λ/(2π σ) in direction cosines, its square 1/√2 of that.
+        // A Gaussian amplitude of this σ on the surface has σ = λ/(2π σ) in direction cosines, its square 1/√2 of
+        // that.
         let sigma = 1.0 / (TAU * scene.coherence_um * 2.0_f64.sqrt());
-        // A Gaussian band, looked at within three of its half widths at half maximum, in steps that move second orders by a lobe.
+        // A Gaussian band, truncated at three half widths at half maximum. Its steps move second orders by one lobe
+        // width.
         let shortest = scene.pattern.shortest_um();
         let steps = ((3.0 * half * 2.0 / shortest / (APART * sigma * lambda)).ceil() as i32).clamp(1, WAVELENGTHS);
         let at = |k: i32| {
@@ -115,7 +118,7 @@ impl<'a> Bench<'a> {
             depth_um: scene.pattern.depth_um,
             angle_deg: 0.0,
         };
-        // As many orders as are looked at, whatever the period.
+        // The number of orders that are used, whatever the period.
         let orders = grooves.orders([0.2 / most, 2.0 / least], 1.01 * f64::from(HIGHEST) * least / period_um, least);
         let points = points(scene, APART * sigma * least * light[2]);
         let reach_mm = points.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
@@ -134,7 +137,8 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Where the ray through a pixel (and so much right and down of its middle) meets the sheet; none beside it.
+    /// Point where the ray through a pixel, `offset` right and down of its centre, meets the sheet; `None` beside the
+    /// sheet.
     fn place(&self, i: usize, offset: [f64; 2]) -> Option<Place> {
         let s = self.scene;
         let size = [s.width, s.height];
@@ -172,7 +176,7 @@ impl<'a> Bench<'a> {
         Some(Place { at: [at[0], at[1], z], frame: [right, up, normal], polygon: self.tile.at(inside) })
     }
 
-    /// Of the sheet above z = 0.
+    /// Height of the sheet above z = 0 in mm.
     fn height(&self, at: [f64; 2]) -> f64 {
         let [about_x, about_y] = self.scene.tilt_deg.map(|t| t.to_radians().tan());
         let x = 2.0 * at[0] / self.scene.sheet_mm()[0];
@@ -190,7 +194,7 @@ impl<'a> Bench<'a> {
         all.map(|p| p.map_or(0.0, |p| self.light_from(&p))).sum::<f64>() / (PARTS * PARTS) as f64
     }
 
-    /// Radiance of a place: what is not grooves is a mirror.
+    /// Radiance of a point; areas without grooves are mirrors.
     fn light_from(&self, place: &Place) -> f64 {
         let along = |angle: f64| {
             let (sin, cos) = angle.sin_cos();
@@ -209,13 +213,13 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Radiance of grooves in a direction.
+    /// Radiance of grooves whose grating vector has this direction.
     fn orders(&self, place: &Place, direction: [f64; 2], period: f64) -> f64 {
         let seen = towards(place.at, self.scene.camera_mm).0;
         let [middle, _] = self.half(place, seen, self.light);
         let lambda = self.scene.wavelength_nm / 1000.0;
         let highest = if period.is_finite() { HIGHEST } else { 0 };
-        // Half vectors of the light's points differ by at most their distance over the light's own.
+        // Half vectors of the light's points differ by at most their distance over the distance of the light.
         let wide = 1.2 * self.reach_mm / towards(place.at, self.light).1
             + REACH * self.sigma * lambda
             + 3.0 * 0.001 * self.scene.band_nm / period;
@@ -233,7 +237,8 @@ impl<'a> Bench<'a> {
             .sum()
     }
 
-    /// Tangent part of ωi + ωo, and `[its normal part, cosine of the incident light over the square of its distance]`.
+    /// Tangential part of ωi + ωo, and `[its normal part, cosine of the incident light over the square of its
+    /// distance]`.
     fn half(&self, place: &Place, seen: V, light: V) -> [[f64; 2]; 2] {
         let (incident, distance) = towards(place.at, light);
         let sum = [0, 1, 2].map(|k| incident[k] + seen[k]);
@@ -269,7 +274,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Points of the light on a square grid, and their weights, which sum to 1.
+/// Points of the light on a square grid with weights, which sum to 1.
 fn points(scene: &TilesPhotograph, apart: f64) -> Vec<[f64; 3]> {
     let (reach, sigma) = match scene.light_disc_mm {
         Some(diameter) => (0.5 * diameter, f64::INFINITY),
@@ -278,7 +283,7 @@ fn points(scene: &TilesPhotograph, apart: f64) -> Vec<[f64; 3]> {
     if reach == 0.0 {
         return vec![[0.0, 0.0, 1.0]];
     }
-    // Not more than can be summed up in reasonable time.
+    // The limit bounds the computing time.
     let n = ((reach / apart).ceil() as i32).clamp(3, 60);
     let step = reach / (f64::from(n) + 0.5);
     let point = |k: i32, j: i32| {

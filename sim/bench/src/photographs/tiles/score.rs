@@ -1,4 +1,4 @@
-//! Maps against what was printed.
+//! Errors of maps against the printed pattern.
 
 use super::TilesPhotograph;
 use nacre_base::Result;
@@ -7,45 +7,45 @@ use nacre_periods::flash::Report;
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// Pixels within this many of an edge are counted apart.
+/// Distance from an edge in pixels within which errors are counted separately.
 const EDGE_PX: f64 = 2.0;
 
-/// An answer is confidently wrong when it is off by more than so many of its own standard deviations.
+/// Number of standard deviations beyond which a result counts as confidently wrong.
 const CONFIDENTLY: f64 = 5.0;
 
-/// How maps differ from what was printed.
+/// Errors of maps against the printed pattern.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Score {
-    /// Mean error of the orientation further than two pixels from an edge, in degrees; NaN without any.
+    /// Mean orientation error in degrees more than two pixels from an edge; NaN without such pixels.
     pub inside_deg: f64,
-    /// The error that a hundredth of them exceeds.
+    /// 99th percentile of these errors.
     pub inside_99_deg: f64,
-    /// Mean error within two pixels of an edge.
+    /// Mean orientation error in degrees within two pixels of an edge.
     pub edge_deg: f64,
-    /// Mean of period over what it should be, less 1.
+    /// Mean relative error of the period.
     pub bias: f64,
-    /// Standard deviation of that.
+    /// Standard deviation of the relative error of the period.
     pub spread: f64,
-    /// Share of pixels with grooves that are masked.
+    /// Fraction of pixels with grooves that are masked.
     pub masked: f64,
-    /// Of those further than two pixels from an edge.
+    /// Same fraction more than two pixels from an edge.
     pub masked_inside: f64,
-    /// Share of all pixels with grooves whose orientation or period is off by more than five of its own σ.
+    /// Fraction of all pixels with grooves whose orientation or period is off by more than five times its σ.
     pub wrong: f64,
-    /// The same for three σ.
+    /// Same fraction for three times σ.
     pub beyond_three: f64,
-    /// Root mean square of the orientation's σ inside, in degrees.
+    /// Root mean square of the orientation's reported σ in degrees, more than two pixels from an edge.
     pub said_deg: f64,
-    /// Root mean square of the period's σ over itself.
+    /// Root mean square of the period's relative σ.
     pub said_period: f64,
-    /// Root mean square of the orientation's error inside, in degrees.
+    /// Root mean square orientation error in degrees, more than two pixels from an edge.
     pub rms_deg: f64,
-    /// Pixels with grooves.
+    /// Number of pixels with grooves.
     pub pixels: usize,
 }
 
 impl TilesPhotograph {
-    /// Compares maps in a folder with what was printed.
+    /// Compares the maps in a folder with the printed pattern.
     ///
     /// # Errors
     /// `Input` when they cannot be read.
@@ -59,7 +59,7 @@ impl TilesPhotograph {
         let period_sigma = period.take("sigma", &path("period.exr"))?;
         let (grooves, sheet, pitch) = (self.grooves(), self.sheet_mm(), report.pixel_um / 1000.0);
         let from_corner = [report.reference_mm[0] + 0.5 * sheet[0], 0.5 * sheet[1] - report.reference_mm[1]];
-        // The tile that has most of the map.
+        // The tile at the centre of the map.
         let size = [report.width, report.height].map(|n| n as f64 * pitch);
         let tile = [0, 1].map(|k| ((from_corner[k] + 0.5 * size[k]) / self.tile_mm[k]).floor().max(0.0) as usize);
         let off = self.offset_mm(tile);
@@ -84,7 +84,7 @@ impl TilesPhotograph {
     }
 }
 
-/// Of all pixels, those near edges first.
+/// Sums over pixels; index 0 is near edges, 1 elsewhere.
 #[derive(Default)]
 struct Sums {
     seen: [f64; 2],

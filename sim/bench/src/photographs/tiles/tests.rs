@@ -1,4 +1,4 @@
-//! Where light falls, against the grating equation; energies; what is written.
+//! Directions of light against the grating equation, energies, and output files.
 
 use super::*;
 use std::f64::consts::PI;
@@ -19,7 +19,7 @@ pub(super) fn plain() -> TilesPhotograph {
     }
 }
 
-/// Brightest pixel within some pixels of another.
+/// Brightest pixel within a few pixels of another one.
 fn peak(light: &[f64], width: usize, near: [f64; 2]) -> ([f64; 2], f64) {
     let mut best = ([0.0; 2], 0.0);
     for (i, v) in light.iter().enumerate() {
@@ -36,14 +36,14 @@ fn orders_lie_where_the_grating_equation_has_them() {
     let scene = plain();
     let light = scene.radiance(scene.lights_mm[0]);
     let geometry = scene.geometry();
-    // Newton's way to the place whose half vector is n λ/a along the grating vector, with the shared geometry, which the renderer does
-    // not use.
+    // Newton iteration to the point with half vector n λ/a along the grating vector, with the shared geometry, which
+    // the renderer does not use.
     for n in [-2.0, -1.0, 0.0, 1.0, 2.0] {
         let wanted = [(PI / 6.0).cos(), (PI / 6.0).sin()].map(|c| n * 0.56 / 1.66 * c);
         let mut at = [0.0; 3];
         for _ in 0..50 {
             let found = geometry.half(at, scene.lights_mm[0]);
-            // Half vectors fall to the right, by about 1/500 + 1/220 per mm.
+            // Half vectors decrease to the right, by about 1/500 + 1/220 per mm.
             at = [0, 1, 2].map(|k| if k == 2 { 0.0 } else { at[k] + 100.0 * (found[k] - wanted[k]) });
         }
         let pixel = geometry.pixel(at).unwrap();
@@ -61,8 +61,8 @@ fn a_tilted_sheet_moves_orders_and_a_flat_one_does_not() {
         let light = s.radiance(s.lights_mm[0]);
         light.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| i % s.width).unwrap() as f64
     };
-    // The zero order moves by twice the tilt over what half vectors change by per mm; a sheet that falls to the right faces right, so the
-    // light's mirror image lies further left. It falls to the right by tan 2°.
+    // The zero order moves by twice the tilt, divided by the change of half vectors per mm. A sheet that descends to
+    // the right faces right, so the mirror image moves left. It descends by tan 2°.
     let moved = (brightest(&tilted) - brightest(&scene)) * scene.pixel_mm();
     let predicted = -2.0 * 2.0_f64.to_radians().sin() / (1.0 / 500.0 + 1.0 / 220.0);
     assert!((moved - predicted).abs() < 0.1 * predicted.abs(), "{moved} {predicted}");
@@ -82,7 +82,7 @@ fn tiles_repeat_and_misaligned_ones_are_off_by_what_is_said() {
     polygons.dedup();
     assert_eq!(polygons.len(), 24);
     assert!(all.iter().all(|g| g.edge_mm > 0.0 && g.period_um == 1.66 && (0.0..PI).contains(&g.orientation)));
-    // Gaps take up some of the area.
+    // Gaps cover part of the area.
     assert!((7000..9500).contains(&all.len()), "{}", all.len());
 }
 
