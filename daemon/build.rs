@@ -8,7 +8,8 @@ fn git(args: &[&str]) -> Option<String> {
 }
 
 fn main() {
-    // The log of HEAD grows with every commit and checkout. Sources from an archive have neither; packagers give the commit.
+    // The log of HEAD changes with every commit and checkout. An archive of the sources has no log; packagers set
+    // NACRE_COMMIT.
     println!("cargo::rerun-if-env-changed=NACRE_COMMIT");
     println!("cargo::rerun-if-changed=build.rs");
     if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]).filter(|log| std::path::Path::new(log).exists()) {

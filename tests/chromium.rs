@@ -114,7 +114,7 @@ impl Browser {
         self.call("POST", &format!("/element/{}/click", self.element(css)), &json!({}));
     }
 
-    /// What the protocol calls an element.
+    /// Reference of an element in the protocol.
     pub fn element(&self, css: &str) -> String {
         let found = self.call("POST", "/element", &json!({ "using": "css selector", "value": css }));
         found.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned()

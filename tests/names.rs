@@ -1,4 +1,4 @@
-//! Names of sessions, uploads and results; what is deleted, and restored.
+//! Names of sessions, uploads and results; deletion and restoring.
 
 #![allow(clippy::unwrap_used)]
 

@@ -210,7 +210,7 @@ fn parts_of_files_are_sent(service: &Service, path: &str) {
     assert!(asked(&[&format!("If-None-Match: {tag}")], 304).body.is_empty());
 }
 
-/// Keys of the page's controls over an option: the page shows each value of a structure that a command line takes as a list.
+/// Keys of the page's controls for an option. A structure that is a list on the command line has one control per value.
 fn keys(field: &Field) -> Vec<Vec<String>> {
     let listed = field.schema.get("x-list").and(field.schema.get("properties")).and_then(Value::as_object);
     let inner = listed.map(|all| all.keys().map(|key| [field.path.as_slice(), &[key.clone()]].concat()).collect());

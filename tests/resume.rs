@@ -203,7 +203,7 @@ fn events_carry_the_times_of_the_journal() {
     assert_eq!(fs::read(folder.join("journal")).unwrap(), journal);
 }
 
-/// The page lists events with these times, not with the time of its own loading.
+/// The page lists events with these times, not with the time at which the page was loaded.
 #[test]
 fn the_page_lists_events_with_the_times_of_the_journal() {
     let Some(browser) = Browser::start() else { return };

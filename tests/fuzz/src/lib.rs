@@ -10,8 +10,8 @@ use std::sync::{Once, OnceLock};
 
 /// Folder of this process for its inputs, created at the first call. `run` keeps it in memory, and removes it.
 ///
-/// From that call on, a panic in code of this project ends the process, although the program would catch it:
-/// third-party decoders may panic in a guard, but our code may not.
+/// From that call on, a panic in code of this project ends the process, although the program would catch it.
+/// Third-party decoders may panic in a guard, but our code may not.
 pub fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {

@@ -46,8 +46,8 @@ pub struct Args {
     /// right.
     ///
     /// Names: sony, lucid, flir (90,45,135,0); 4d-v1 (45,90,0,135), 4d-v2 (90,135,45,0), 4d-u4 (90,45,135,0). The names
-    /// sony-colour, lucid-colour and flir-colour mean 90,45,135,0 below rggb colour filters. Crops that begin at odd pixels
-    /// and mirrored frames have another order.
+    /// sony-colour, lucid-colour and flir-colour mean 90,45,135,0 below rggb colour filters. Crops that begin at odd
+    /// pixels and mirrored frames have another order.
     #[arg(long, default_value = "90,45,135,0", allow_hyphen_values = true, value_name = "NAME|A,B,C,D")]
     layout: Layout,
     /// Colour filters of a polarization sensor whose --layout is given in degrees; each filter covers 2×2 polarizers.

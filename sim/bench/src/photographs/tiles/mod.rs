@@ -113,7 +113,7 @@ const FILLED: f64 = 0.97;
 impl TilesPhotograph {
     /// Up to five positions of a light 200 mm above the default sheet.
     ///
-    /// They are chosen so that the half vectors of one point of the tile, over all lights and tiles, are evenly
+    /// The half vectors of one point of the tile, over all lights and tiles, are evenly
     /// spaced: in steps of a fifth of the change across a tile.
     pub fn spread(lights: usize) -> Vec<[f64; 3]> {
         let at = |k: usize| {
