@@ -95,7 +95,7 @@ impl Heavy {
         work: impl FnOnce() -> Answer<T> + Send + 'static,
     ) -> Answer<(T, OwnedSemaphorePermit)> {
         let place = self.places.clone().acquire_many_owned(places).await;
-        let place = place.map_err(|_| Problem::new(Kind::Internal, "the service ends"))?;
+        let place = place.map_err(|_| Problem::new(Kind::Internal, "the service is stopping"))?;
         blocking(move || work().map(|done| (done, place))).await
     }
 

@@ -30,7 +30,7 @@ pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
     }
     if let Some(light) = &spec.light {
         if !spec.operation.is("lut") {
-            return Err(Problem::bad("light, the photograph of one, belongs to the method lut"));
+            return Err(Problem::bad("light applies to the operation lut only"));
         }
         if !data.join("uploads").join(&light.upload).is_dir() {
             return Err(Problem::not_found(format!("upload {} with a light", light.upload)));

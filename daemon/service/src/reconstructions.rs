@@ -262,7 +262,7 @@ pub async fn list(State(app): State<Arc<App>>, Params(query): Params<PageQuery>)
         return Err(Problem::bad(format!("limit is {limit}; give 1 to 1000")));
     }
     if let Some(cursor) = &query.cursor {
-        super::check_id(cursor).map_err(|_| Problem::bad("cursor is no cursor"))?;
+        super::check_id(cursor).map_err(|_| Problem::bad("cursor is invalid"))?;
     }
     let (jobs, next) = app.jobs()?.list(limit, query.cursor.as_deref()).await?;
     Ok(Json(ReconstructionPage { items: jobs.into_iter().map(|j| app.describe(j, false)).collect(), next }))

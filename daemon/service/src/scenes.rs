@@ -36,7 +36,7 @@ fn from_gallery(folder: &Path, name: &str) -> Answer<()> {
     gallery_scene(&target, name)?;
     // A dropped request removes the folder; it must not be created again.
     if !folder.exists() {
-        return Err(Problem::bad("the upload stopped half-way"));
+        return Err(Problem::bad("the upload was interrupted"));
     }
     Ok(target.commit()?)
 }

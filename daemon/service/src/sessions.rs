@@ -161,7 +161,7 @@ async fn tell_states(app: &Arc<App>, run: &Arc<Run>) {
 pub async fn list(State(app): State<Arc<App>>, Params(search): Params<Search>) -> Answer<Json<SessionPage>> {
     let after: Option<Cursor> = match search.cursor.as_deref().map(str::parse) {
         Some(Ok(cursor)) => Some(cursor),
-        Some(Err(_)) => return Err(Problem::bad("cursor is no cursor").remedy("give the next of the page before")),
+        Some(Err(_)) => return Err(Problem::bad("cursor is invalid").remedy("give next of the previous page")),
         None => None,
     };
     if search.text.as_ref().is_some_and(|text| text.chars().count() > LONGEST_SEARCH) {
@@ -249,7 +249,7 @@ fn steer(app: &Arc<App>, id: &str, input: Input) -> Answer<Response> {
         None => accepted(app, id),
         Some(state) => {
             let state = nacre_capture::plan::word(state);
-            Err(Problem::new(Kind::Conflict, format!("the session is {state}, where this is not possible")))
+            Err(Problem::new(Kind::Conflict, format!("not possible while the session is {state}")))
         }
     }
 }

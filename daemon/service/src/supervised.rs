@@ -27,6 +27,6 @@ pub fn stopping() {
 
 fn tell(states: &[NotifyState]) {
     if let Err(error) = sd_notify::notify(states) {
-        tracing::warn!("systemd is not told {states:?}: {error}");
+        tracing::warn!("cannot notify systemd of {states:?}: {error}");
     }
 }

@@ -220,7 +220,7 @@ fn put_back(data: &Path, id: &str, job: Option<&Saved>) -> Answer<()> {
         let target = data.join(&folder);
         if target.exists() {
             return Err(
-                Problem::new(Kind::Conflict, "something with its id is there already").remedy("delete that first")
+                Problem::new(Kind::Conflict, "its id is in use").remedy("delete the resource with that id first")
             );
         }
         move_back(&entry.join(folder), &target)?;

@@ -233,7 +233,7 @@ fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
     match field.name() {
         Some("frames") if matches!(what, What::Photographs | What::Polarization) => return Ok(FILE_NAME.into()),
         Some("file") => {}
-        _ => return Err(Problem::bad("a part is neither file nor frames, nor another one that belongs to its kind")),
+        _ => return Err(Problem::bad("the form has an unknown part for this kind of upload")),
     }
     let name = field.file_name().unwrap_or_default();
     let extension = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
@@ -249,13 +249,13 @@ fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
     if known && plain && name.len() <= LONGEST_NAME {
         return Ok(name.to_owned());
     }
-    Err(Problem::bad(format!("{:?} is no name of a {of} ({})", clip(name), endings.join(", "))))
+    Err(Problem::bad(format!("{:?} is not a file name of a {of} ({})", clip(name), endings.join(", "))))
 }
 
 async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
     let new = tokio::fs::OpenOptions::new().write(true).create_new(true).open(path).await;
     let mut file = new.map_err(|e| match e.kind() {
-        std::io::ErrorKind::AlreadyExists => Problem::bad("two files have one name"),
+        std::io::ErrorKind::AlreadyExists => Problem::bad("two files have the same name"),
         _ => refused(e),
     })?;
     let mut bytes = 0;

@@ -100,7 +100,7 @@ impl Record {
                 self.turn(JobState::Failed, "failed: another attempt would end the same way");
             }
             Err(Failed::Other(error)) => self.again(error),
-            Err(Failed::Cancelled) => self.again("stopped though nobody asked it to"),
+            Err(Failed::Cancelled) => self.again("stopped without a request"),
         }
         Ok(())
     }
