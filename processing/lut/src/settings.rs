@@ -43,7 +43,7 @@ pub struct Settings {
     /// Entries of a row and a column, 16 to 8192.
     #[schemars(range(min = 16, max = 8192))]
     pub size: usize,
-    /// Largest component of the half vector, up to 2 (default: as far as nearly all wavelengths were measured).
+    /// Largest component of the half vector, up to 2 (default: the range measured at nearly all wavelengths).
     #[schemars(extend("x-advanced" = true))]
     pub extent: Option<f64>,
     /// Odd power n of the warp, which gathers entries in the middle: they lie at extent·aⁿ.
@@ -56,8 +56,8 @@ pub struct Settings {
     /// Standard observer of the CIE: 1931 (2°) or 1964 (10°).
     #[schemars(extend("x-advanced" = true))]
     pub observer: Observer,
-    /// Power of λm/λ: 4 is exact for shallow gratings to first order, 2 is that of the paper; deep gratings follow
-    /// none.
+    /// Power of λm/λ: 4 is exact for shallow gratings to first order, 2 is the paper's. No power is exact for deep
+    /// gratings.
     #[schemars(range(min = -10, max = 10))]
     #[schemars(extend("x-advanced" = true))]
     pub exponent: f64,

@@ -45,12 +45,12 @@ pub struct Options {
     /// curve of the fitted film.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<Model>,
-    /// auto corrects shifts between photographs where that reduces the error; off leaves them (default: auto for models
-    /// of gratings, off for plain).
+    /// Registration: auto corrects shifts between photographs if that reduces the error, off never does (default: auto
+    /// for grating models, off for plain).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub align: Option<Align>,
-    /// auto corrects for oblique incidence where the camera geometry is known and the photographs fit better with it;
-    /// off leaves it, and σ includes it.
+    /// Correction of oblique incidence: auto applies it if the camera geometry is known and improves the fit; off
+    /// includes the effect in σ.
     #[schemars(extend("x-advanced" = true))]
     pub oblique: Oblique,
     /// Full-size maps of a monochrome polarization sensor: interpolation of the image behind each polarizer (model
@@ -75,8 +75,8 @@ pub struct Options {
     pub smoothed_exr: bool,
     /// Heuristic periods from the brightness, scaled to MIN:MAX µm.
     ///
-    /// As the 2018 paper does (section 5.4); only their order has a meaning, and uneven light or reflectance shows as a
-    /// period.
+    /// Method of the 2018 paper (section 5.4). Only the order of the periods is meaningful, and uneven light or
+    /// reflectance appears as a change of period.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-placeholder" = "MIN:MAX", "x-advanced" = true))]
     pub relative_period: Option<[f64; 2]>,

@@ -40,8 +40,8 @@ were kept), mean.png and report.json, in the units of the files: no transfer fun
 pub struct Options {
     /// Outliers: values further from the median of their pixel than this many robust standard deviations, or off.
     ///
-    /// The standard deviation follows from the median absolute deviation, and is at least the median one of pixels in
-    /// the row that are about as bright. Series of fewer than four photographs show no outliers.
+    /// The standard deviation is computed from the median absolute deviation. It is at least the median over pixels of
+    /// similar brightness in the same row. Series of fewer than four photographs have no outliers.
     #[schemars(extend("x-placeholder" = "off|N", "x-unset" = "off"), range(min = 1, max = 100))]
     pub clip_sigma: Option<f64>,
 }

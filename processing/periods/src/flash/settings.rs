@@ -24,8 +24,8 @@ pub struct Settings {
     /// Positions of camera and sheet (geometry.json; default: the one beside the photographs).
     #[schemars(extend("x-file" = true))]
     pub geometry: Option<Geometry>,
-    /// Corners of the sheet in pixels, without a calibrated geometry: top left, top right, bottom right, bottom left;
-    /// auto detects them in the photograph by room light.
+    /// Corners of the sheet in pixels, without a calibrated geometry: top left, top right, bottom right, bottom left.
+    /// auto detects them in the photograph under room light.
     #[schemars(extend("x-placeholder" = "auto|X,Y,X,Y,X,Y,X,Y", "x-unset" = "auto", "x-aliases" = ["corners"]))]
     pub corners_px: Option<[[f64; 2]; 4]>,
     /// Width and height of the sheet in mm.
