@@ -23,10 +23,10 @@ pub(super) const WINDOW: f64 = 0.25;
 pub(super) const STEP: f64 = 0.25;
 const DARK: f64 = 0.1;
 
-/// Cost model in ns: a point of a transform per doubling of its size, a density, a frequency under the window, its
-/// terms in groups of eight, a function of X, a test for a dark frequency, an exponential.
+/// Cost model: times in ns, measured on one machine; only the ratios matter.
 ///
-/// Measured on one machine; only the ratios matter.
+/// In order: a point of a transform per doubling of its size, a density, a frequency under the window, its terms in
+/// groups of eight. Then a function of X, a test for a dark frequency, an exponential.
 const POINT_NS: f64 = 0.9;
 const DENSITY_NS: f64 = 60.0;
 const NEAR_NS: f64 = 6.0;
