@@ -20,7 +20,7 @@ impl Gray {
     /// Reads a photograph as the mean of its channels.
     ///
     /// # Errors
-    /// As [`read`].
+    /// As [`read()`].
     pub fn read(path: &Path) -> Result<Self> {
         Ok(Self::of(&read(path)?))
     }

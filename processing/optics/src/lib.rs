@@ -1,7 +1,7 @@
 #![doc = include_str!("../README.md")]
 //!
-//! The 2018 paper's setup: circular light, a grating, and an analyser. The intensity behind the analyser is a sinusoid in
-//! twice its angle (Eq. 9), and the angle of linear polarization (AoLP) rotates with the grating:
+//! The 2018 paper's setup: circular light, a grating, and an analyser. The intensity behind the analyser is a sinusoid
+//! in twice its angle (Eq. 9), and the angle of linear polarization (AoLP) rotates with the grating:
 //!
 //! ```
 //! use nacre_optics::polarization::{Jones, JonesVector, angle_difference};
