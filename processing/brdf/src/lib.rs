@@ -2,8 +2,8 @@
 //! of grating orders (2018 paper).
 //!
 //! - [`height`]: height fields from files and formulas, and their quality.
-//! - [`map`]: X, Y, Z over all viewing directions. [`slice()`]: spectra along a half circle. [`check`]: peaks compared
-//!   with the grating equation.
+//! - [`map`]: X, Y, Z over all viewing directions. [`slice()`]: spectra along a half circle. [`check()`]: peaks
+//!   compared with the grating equation.
 //! - [`Section`]: efficiencies of a grating's orders from its cross-section.
 //!
 //! The theory is scalar: single reflection, no polarization, periods of several wavelengths. For rigorous theory, see

@@ -90,7 +90,7 @@ pub(super) fn converted(matrix: &[[f64; 3]; 3], pixel: [f32; 3]) -> [f32; 3] {
 /// Reads an OpenEXR or Radiance HDR file as light. `layer` names the layer of an OpenEXR file that has several.
 ///
 /// # Errors
-/// `Error::Input` as for [`super::read`], for other formats, and for a layer that is absent or, among several, not
+/// `Error::Input` as for [`super::read()`], for other formats, and for a layer that is absent or, among several, not
 /// named.
 pub fn read_light(path: &Path, layer: Option<&str>) -> Result<Light> {
     decode(path, || {

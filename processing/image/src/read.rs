@@ -1,8 +1,8 @@
 //! Reads photographs: PNG, JPEG, TIFF, BMP, WebP, OpenEXR, Radiance HDR, FITS, NPY and camera raw files, distinguished
 //! by their content.
 //!
-//! Bad input gives an [`Error::Input`] with a message, never a panic or a partly decoded picture. The sizes in the
-//! header are checked before memory is allocated for pixels.
+//! Bad input gives an [`nacre_base::Error::Input`] with a message, never a panic or a partly decoded picture. The sizes
+//! in the header are checked before memory is allocated for pixels.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;

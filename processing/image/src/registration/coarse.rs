@@ -64,8 +64,8 @@ fn peaks_of(windows: &Windows, few: &[usize]) -> Vec<Peak> {
                     },
                 );
             }
-            // Halfway to phase correlation, amplitudes become their square roots: the peak is as sharp as the edges, and
-            // noise is not amplified to their level.
+            // Halfway to phase correlation, amplitudes become their square roots: the peak is as sharp as the edges,
+            // and noise is not amplified to their level.
             vectorised(
                 #[inline(always)]
                 || {

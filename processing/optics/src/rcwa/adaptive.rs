@@ -50,7 +50,7 @@ impl Method {
     /// Solves the diffraction problem with this setting.
     ///
     /// # Errors
-    /// As [`coordinates`] and [`slices`].
+    /// As [`coordinates()`] and [`slices()`].
     pub fn run(self, grating: &Grating, light: &Light, polarization: Polarization) -> Result<Orders> {
         match self {
             Self::Coordinates { harmonics } => coordinates(grating, light, polarization, harmonics),

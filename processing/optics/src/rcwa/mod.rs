@@ -4,14 +4,14 @@
 //! or film. Light comes from above in the plane perpendicular to the grooves (no conical incidence). Two independent
 //! methods share one set of types:
 //!
-//! - [`slices`]: rigorous coupled-wave analysis of a staircase. In each slice, the Fourier series of the permittivity
+//! - [`slices()`]: rigorous coupled-wave analysis of a staircase. In each slice, the Fourier series of the permittivity
 //!   couples plane waves, with Li's factorisation rules for TM (Li 1996). A recursion of the admittance joins the
 //!   slices. It contains decaying exponentials only, so it is stable at any depth. In TM, staircases in metal converge
 //!   slowly.
-//! - [`coordinates`]: the coordinate-transformation (Chandezon) method. It has no stairs and converges exponentially
+//! - [`coordinates()`]: the coordinate-transformation (Chandezon) method. It has no stairs and converges exponentially
 //!   for smooth profiles.
 //!
-//! [`solve`] uses the cheapest setting whose predicted error meets the requested one. [`conductor`] solves any smooth
+//! [`solve`] uses the cheapest setting whose predicted error meets the requested one. [`conductor()`] solves any smooth
 //! cross-section of a perfect conductor, as a reference for scalar theory.
 //!
 //! Conventions: fields vary as `exp(-iωt)`, so absorbing media have a positive imaginary index and a delay is a
