@@ -1,4 +1,4 @@
-//! A patch's transforms, and the power density of `exp(ikwh)` from them.
+//! Fourier transforms of a patch's expansion terms, and the power density of `exp(ikwh)` from them.
 
 use super::expansion::Expansion;
 use super::geometry::Window;
@@ -7,16 +7,16 @@ use super::transform::{AT_ONCE, Plan, Plane, Real};
 use num_complex::Complex;
 use pulp::Arch;
 
-/// Most memory of the transforms, in bytes.
+/// Largest memory of the transforms, in bytes.
 pub(super) const MOST_BYTES: usize = 3 << 30;
 
-/// Terms are stored in groups of so many numbers.
+/// Group size to which the number of terms is padded.
 const LANES: usize = 8;
 
-/// No transform is stored for this frequency: it has no light.
+/// Slot of frequencies without light, for which no transform is stored.
 const DARK: u32 = u32::MAX;
 
-/// Heights as the expansions take them: from -1 to 1.
+/// Heights normalised to -1 to 1, as the expansions need them.
 pub(super) struct Relief<'a> {
     pub width: usize,
     pub height: usize,
@@ -35,24 +35,24 @@ impl<'a> Relief<'a> {
         Self { width, height, size_um: field.size_um(), half_um, middle_um, um: &field.um }
     }
 
-    /// What makes -1 to 1 of heights.
+    /// Map from heights to -1 to 1.
     fn scale(&self) -> impl Fn(f64) -> f64 + use<> {
         let (middle, by) = (self.middle_um, 1.0 / self.half_um);
         move |h| ((h - middle) * by).clamp(-1.0, 1.0)
     }
 
-    /// All heights from -1 to 1.
+    /// All heights, from -1 to 1.
     pub(super) fn scaled(&self) -> Vec<f64> {
         self.um.iter().copied().map(self.scale()).collect()
     }
 }
 
-/// Spatial frequencies that are wanted, in 1/µm.
+/// Largest spatial frequencies, in 1/µm.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Largest to the right and up.
+    /// Largest components to the right and up.
     pub frequency: [f64; 2],
-    /// Largest length.
+    /// Largest magnitude.
     pub length: f64,
 }
 
@@ -62,14 +62,14 @@ impl From<[f64; 2]> for Limits {
     }
 }
 
-/// Frequencies of a patch up to a limit, in cycles per patch.
+/// Number of frequencies to each side up to the limits, in cycles per patch.
 pub(super) fn reach(relief: &Relief, limits: Limits) -> [usize; 2] {
     let count = |f: f64, um: f64, n: usize| ((f * um).ceil() as usize).min((n - 1) / 2);
     let [x, y] = limits.frequency;
     [count(x, relief.size_um[0], relief.width), count(y, relief.size_um[1], relief.height)]
 }
 
-/// Bytes that a bank of the terms of an expansion of a patch this high needs at most while it is made.
+/// Peak memory in bytes while a bank is computed, for a patch with `height` rows.
 pub(super) fn bytes<T: Real>(reach: [usize; 2], height: usize, expansion: &Expansion) -> usize {
     let plane = (2 * reach[0] + 1) * (2 * reach[1] + 1);
     let rows = (2 * reach[0] + 1) * height * if expansion.is_real() { AT_ONCE } else { 1 };
@@ -82,14 +82,15 @@ pub(super) struct Bank<T: Real> {
     size_um: [f64; 2],
     half_um: f64,
     reach: [isize; 2],
-    /// Which of the stored frequencies, or [`DARK`].
+    /// Index among the stored frequencies, or [`DARK`].
     slots: Vec<u32>,
     padded: usize,
-    /// For each stored frequency the real parts of all terms, then the imaginary parts.
+    /// For each stored frequency, the real parts of all terms, then the imaginary parts.
     values: Vec<T>,
 }
 
-/// Transforms of the terms of an expansion, each times its factor, for the frequencies within limits, and how many these are to the right and up.
+/// Transforms of the terms of an expansion, each with its factor, for frequencies within limits; also the number of
+/// frequencies to the right and up.
 pub(super) fn planes<T: Real>(
     relief: &Relief,
     expansion: &Expansion,
@@ -128,7 +129,7 @@ pub(super) fn planes<T: Real>(
     (plan.reach(), planes)
 }
 
-/// Memory of one thread.
+/// Working memory of a thread.
 pub(super) struct Scratch<T> {
     near: Vec<(u32, f64)>,
     across: Vec<f64>,
@@ -143,7 +144,7 @@ impl<T> Default for Scratch<T> {
 }
 
 impl<T: Real> Bank<T> {
-    /// Makes the transforms; frequencies that hold less than a part `dark` of the light together with all others like them are left out.
+    /// Computes the transforms. Frequencies are omitted that together hold less than a fraction `dark` of the light.
     pub(super) fn new(
         relief: &Relief,
         expansion: Expansion,
@@ -156,8 +157,9 @@ impl<T: Real> Bank<T> {
         Self::pack(expansion, (relief.size_um, relief.half_um), reach, dark, row)
     }
 
-    /// Of transforms that are there, of a patch of this size and half this range of heights: `row(term, iy, out)` gives a term's for a row
-    /// of frequencies, from the lowest.
+    /// Bank from existing transforms of a patch of this size and half range of heights.
+    ///
+    /// `row(term, iy, out)` writes a term's transform for a row of frequencies, from the lowest.
     pub(super) fn pack(
         expansion: Expansion,
         (size_um, half_um): ([f64; 2], f64),
@@ -169,7 +171,7 @@ impl<T: Real> Bank<T> {
         let across = 2 * reach[0] as usize + 1;
         let padded = expansion.terms.next_multiple_of(LANES);
         let count = across * (2 * reach[1] as usize + 1);
-        // All that is left out together holds less than `dark` of the light.
+        // All omitted frequencies together hold less than `dark` of the light.
         let least = (dark / count as f64).sqrt() / expansion.terms as f64;
         let (mut slots, mut values) = (vec![DARK; count], vec![]);
         let mut rows = vec![Complex::new(T::zero(), T::zero()); across * expansion.terms];
@@ -189,7 +191,7 @@ impl<T: Real> Bank<T> {
         Self { expansion, size_um, half_um, reach, slots, padded, values }
     }
 
-    /// Leaves out all frequencies, in cycles per patch, but these.
+    /// Omits all frequencies (in cycles per patch) for which `which` is false.
     pub(super) fn keep(&mut self, which: impl Fn([isize; 2]) -> bool) {
         let across = 2 * self.reach[0] + 1;
         for (k, slot) in self.slots.iter_mut().enumerate() {
@@ -200,24 +202,24 @@ impl<T: Real> Bank<T> {
         }
     }
 
-    /// The frequencies that hold light, in cycles per patch.
+    /// Stored frequencies in cycles per patch.
     pub(super) fn lit(&self) -> impl Iterator<Item = [isize; 2]> {
         let across = 2 * self.reach[0] + 1;
         let lit = self.slots.iter().enumerate().filter(|(_, slot)| **slot != DARK);
         lit.map(move |(k, _)| [k as isize % across - self.reach[0], k as isize / across - self.reach[1]])
     }
 
-    /// Part of the frequencies that hold light.
+    /// Fraction of the frequencies that are stored.
     pub(super) fn share(&self) -> f64 {
         self.bright() as f64 / self.slots.len() as f64
     }
 
-    /// Frequencies that hold light.
+    /// Number of stored frequencies.
     pub(super) fn bright(&self) -> usize {
         self.slots.iter().filter(|s| **s != DARK).count()
     }
 
-    /// Frequencies near to a place, in cycles per µm, with the window's weight.
+    /// Collects the stored frequencies within `radius` of `place` (both in 1/µm), with their window weights.
     fn near(&self, place: [f64; 2], window: Window, radius: f64, scratch: &mut Scratch<T>) {
         let [cx, cy] = [place[0] * self.size_um[0], place[1] * self.size_um[1]];
         let range = |c: f64, um: f64, most: isize| {
@@ -246,7 +248,7 @@ impl<T: Real> Bank<T> {
         }
     }
 
-    /// Functions of X for all terms.
+    /// Evaluates the functions of X of all terms.
     fn coefficients(&self, x: f64, scratch: &mut Scratch<T>) {
         scratch.exact.resize(self.expansion.terms, 0.0);
         self.expansion.coefficients(x, &mut scratch.exact);
@@ -288,7 +290,7 @@ impl<T: Real> Bank<T> {
         [dot(re, coefficients), dot(im, coefficients)]
     }
 
-    /// Amplitude at a frequency in cycles per patch, for `q` as above; 0 where there is no light.
+    /// Amplitude at a frequency in cycles per patch for `q` in 1/µm; 0 if it is not stored.
     pub(super) fn amplitude_at(&self, [ix, iy]: [isize; 2], q: f64, scratch: &mut Scratch<T>) -> [f64; 2] {
         if ix.abs() > self.reach[0] || iy.abs() > self.reach[1] {
             return [0.0; 2];
@@ -301,7 +303,7 @@ impl<T: Real> Bank<T> {
         self.amplitude(slot, &scratch.coefficients)
     }
 
-    /// Power of all stored frequencies together, for `q`; 1 where nothing is left out.
+    /// Total power of all stored frequencies for `q`; 1 if none is omitted.
     #[cfg(test)]
     pub(super) fn total(&self, q: f64) -> f64 {
         let mut scratch = Scratch::default();

@@ -1,4 +1,4 @@
-//! From power densities to BRDFs: maps over directions of view in X, Y, Z, and spectra along a slice.
+//! BRDFs from power densities: maps over viewing directions in X, Y, Z, and spectra along a slice.
 
 use super::choose::{Choice, STEP, WINDOW, check_pitch, prepare};
 use super::engine::{Memory, Model, Request};
@@ -13,17 +13,17 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Cosine of a direction that is taken for grazing: beyond, 1/cos θr makes a BRDF of anything.
+/// Smallest cosine of a direction. Beyond, 1/cos θr of the BRDF diverges.
 const GRAZING: f64 = 1e-3;
 
-/// Directions of view that a map shows: a square of `(x, y) = sin θ (cos φ, sin φ)`.
+/// Viewing directions of a map: a square of `(x, y) = sin θ (cos φ, sin φ)`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Views {
-    /// Pixels of a row and of a column.
+    /// Pixels per side.
     pub size: usize,
-    /// Its middle.
+    /// Centre of the square.
     pub center: [f64; 2],
-    /// Half its side: 1 for all directions.
+    /// Half of its side; 1 for all directions.
     pub half: f64,
 }
 
@@ -33,10 +33,10 @@ impl Views {
         Self { size, center: [0.0; 2], half: 1.0 }
     }
 
-    /// Refuses what makes no sense.
+    /// Checks size, centre and extent.
     ///
     /// # Errors
-    /// `Input`.
+    /// `Input` for values out of range.
     pub fn check(&self) -> Result<()> {
         if !SIZES.contains(&self.size) {
             return Err(Error::input("size", format!("is {}", self.size), "give 8 to 4096"));
@@ -51,26 +51,26 @@ impl Views {
         Ok(())
     }
 
-    /// The direction of a pixel's middle; none outside the hemisphere.
+    /// Direction of a pixel's centre; `None` outside of the hemisphere.
     pub(super) fn direction(&self, x: usize, y: usize) -> Option<Direction> {
         let at = |k: usize| ((2.0 * k as f64 + 1.0) / self.size as f64 - 1.0) * self.half;
         Direction::of(self.center[0] + at(x), self.center[1] - at(y)).filter(|d| d.z >= GRAZING)
     }
 }
 
-/// A map of one direction of light.
+/// Map of one direction of light.
 pub struct Map {
-    /// Which directions it shows.
+    /// Viewing directions of the map.
     pub views: Views,
-    /// Pixels of a row and of a column.
+    /// Pixels per side.
     pub size: usize,
-    /// X, Y, Z row by row from the top, y up; NaN outside the hemisphere.
+    /// X, Y, Z row by row from the top, y up; NaN outside of the hemisphere.
     pub xyz: Vec<[f32; 3]>,
-    /// How it was computed.
+    /// Method of computation.
     pub choice: Choice,
-    /// Largest relative error of lobes that hold a thousandth of the light, all parts together.
+    /// Largest relative error of lobes that hold at least 0.1 % of the light, from all sources together.
     pub error_estimate: f64,
-    /// Densities that were summed up.
+    /// Number of evaluated densities.
     pub densities: f64,
 }
 
@@ -80,15 +80,15 @@ pub struct Slice {
     pub wavelengths_nm: Vec<f64>,
     /// Angles from the normal in degrees, positive towards the azimuth.
     pub theta_deg: Vec<f64>,
-    /// Reflectance (BRDF or relative), wavelength by wavelength; NaN at grazing angles.
+    /// BRDF (1/sr) or relative reflectance, wavelength by wavelength; NaN at grazing angles.
     pub values: Vec<f64>,
-    /// How it was computed.
+    /// Method of computation.
     pub choice: Choice,
-    /// Largest relative error of lobes that hold a thousandth of the light.
+    /// Largest relative error of lobes that hold at least 0.1 % of the light.
     pub error_estimate: f64,
 }
 
-/// What turns a density into a result.
+/// Factors from a power density to a result.
 pub(super) struct Factors<'a> {
     settings: &'a Settings,
     light: Direction,
@@ -100,7 +100,7 @@ impl<'a> Factors<'a> {
         Self { settings, light, mirror }
     }
 
-    /// Of a pair of directions, without what depends on the wavelength.
+    /// Factor of a pair of directions that does not depend on the wavelength.
     fn of(&self, pair: &Pair, view: Direction) -> f64 {
         let shadow = if self.settings.shadowing { Pair::v_grooves(self.light, view) } else { 1.0 };
         let scale = match self.settings.normalisation {
@@ -110,7 +110,7 @@ impl<'a> Factors<'a> {
         pair.gain * shadow * scale
     }
 
-    /// What depends on the wavelength: reflectance and, of a BRDF, 1/λ².
+    /// Factor that depends on the wavelength: reflectance and, for a BRDF, 1/λ².
     fn spectral(&self, pair: &Pair, number: f64) -> f64 {
         let nm = 1e3 / number;
         let r = self.settings.reflectance.at(pair.half_cos, nm);
@@ -121,14 +121,14 @@ impl<'a> Factors<'a> {
     }
 }
 
-/// Sum over wavelengths towards one direction.
+/// Sum over wavelengths for one viewing direction.
 struct Summing<'a> {
     model: &'a Model<'a>,
     factors: Factors<'a>,
     wavelengths: &'a Wavelengths,
     window: Window,
     step_error: f64,
-    /// Wavelengths that were asked for.
+    /// Wavelengths in the requested steps.
     stepped: Option<&'a Samples>,
 }
 
@@ -158,7 +158,7 @@ impl Summing<'_> {
             let (step, last) = ((samples.numbers[count - 1] - first) / (count - 1) as f64, count - 1);
             let mut next = 0;
             for [low, high] in lattice.ranges(pair.tangent, [first, samples.numbers[last]], self.model.radius) {
-                // A little wider, so that rounding loses no sample; none is counted twice.
+                // The range is slightly widened, so that rounding loses no sample; no sample is counted twice.
                 let from = (((low - first) / step - 1e-6).ceil().max(0.0) as usize).max(next);
                 let to = (((high - first) / step + 1e-6).floor().max(-1.0) as isize).min(last as isize);
                 for k in from as isize..=to {
@@ -173,11 +173,12 @@ impl Summing<'_> {
     }
 }
 
-/// Computes a map: reflected X, Y, Z over directions of view, where a BRDF that is 1 (or a relative reflectance of 1) at every
-/// wavelength has Y = 1 in the illuminant's own colour.
+/// Computes a map of reflected X, Y, Z over viewing directions.
+///
+/// A BRDF of 1 (or a relative reflectance of 1) at all wavelengths gives Y = 1 in the colour of the illuminant.
 ///
 /// # Errors
-/// `Input` for settings that make no sense, a pitch that is too coarse, and methods that cannot do it.
+/// `Input` for invalid settings, a pixel pitch that is too coarse, and methods that do not apply to the surface.
 pub fn map(
     field: &HeightField,
     quality: &Quality,
@@ -201,7 +202,7 @@ pub fn map(
         densities: 0.0,
     };
     check_pitch(field, &request)?;
-    // A coarse look at how many wavelengths directions need.
+    // A coarse grid of directions estimates the number of wavelengths.
     const LOOK: usize = 48;
     let mut looked = 0.0;
     for k in 0..LOOK * LOOK {
@@ -246,8 +247,8 @@ pub fn map(
     Ok(Map { views, size, xyz, choice, error_estimate, densities: request.densities })
 }
 
-/// Root mean square difference of a map from a sum over wavelengths as fine as each direction needs, over the root mean square of that; at
-/// every direction of small maps, and at some 4096 of large ones.
+/// Relative root mean square difference of a map from a sum over wavelengths with the steps that each direction needs.
+/// It covers all directions of small maps, and about 4096 of large ones.
 fn compared(exact: &Summing<'_>, xyz: &[[f32; 3]], views: Views) -> f64 {
     const SIDE: usize = 64;
     let step = (views.size / SIDE).max(1);
@@ -264,7 +265,8 @@ fn compared(exact: &Summing<'_>, xyz: &[[f32; 3]], views: Views) -> f64 {
     (off / all.max(f64::MIN_POSITIVE)).sqrt()
 }
 
-/// Computes spectra along a half circle of directions of view in the plane of an azimuth (degrees; that of the light by default).
+/// Computes spectra along a half circle of viewing directions in the plane of an azimuth (degrees; default: that of the
+/// light).
 ///
 /// # Errors
 /// As [`map`].
@@ -317,7 +319,7 @@ pub fn slice(
     Ok(Slice { wavelengths_nm: wavelengths_nm.to_vec(), theta_deg: theta_deg.to_vec(), values, choice, error_estimate })
 }
 
-/// Least and most of a list whose numbers all lie within limits.
+/// Minimum and maximum of a list, all of whose numbers must be within limits.
 pub(super) fn ends(what: &str, values: &[f64], [low, high]: [f64; 2]) -> Result<[f64; 2]> {
     if let Some(bad) = values.iter().find(|v| !(low..=high).contains(*v)) {
         return Err(Error::input(what, format!("hold {bad}"), format!("give numbers from {low} to {high}")));

@@ -1,4 +1,5 @@
-//! The grating equation as a test of a surface's BRDF (2014 thesis, section 5.3, with the gain divided out and the peak interpolated).
+//! Test of a surface's BRDF by the grating equation (2014 thesis, section 5.3, with the gain divided out and the peak
+//! interpolated).
 
 use super::brdf::ends;
 use super::choose::{Choice, prepare};
@@ -12,56 +13,58 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// The peak is searched for at periods that differ by this part from the expected one.
+/// Largest relative deviation from the expected period in the search for the peak.
 const AROUND: f64 = 0.2;
 
 /// Samples per standard deviation of the coherence window.
 const PER_SIGMA: f64 = 12.0;
 
-/// Where the light of one wavelength peaks.
+/// Peak of one wavelength.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Peak {
     /// Wavelength in nm.
     pub wavelength_nm: f64,
-    /// Angle of the peak from the normal in degrees; positive towards the light.
+    /// Angle of the peak from the normal in degrees, positive towards the light.
     pub theta_r_deg: f64,
-    /// Period in nm that the grating equation `λ/(sin θi + sin θr)` gives for it.
+    /// Period in nm from the grating equation, `λ/(sin θi + sin θr)`.
     pub period_nm: f64,
-    /// Part of the light of a mirror's peak.
+    /// Height relative to the peak of a mirror.
     pub relative: f64,
 }
 
-/// What the grating equation says about a surface.
+/// Comparison of a surface with the grating equation.
 #[derive(Clone, Debug, Serialize)]
 pub struct GratingCheck {
-    /// Peaks, by wavelength; wavelengths whose first order leaves in no direction are left out.
+    /// Peaks by wavelength, without wavelengths whose first order is evanescent.
     pub peaks: Vec<Peak>,
-    /// Period that was expected, in nm: given, or the strongest of the heights' spectrum.
+    /// Expected period in nm: given, or the strongest in the spectrum of the heights.
     pub expected_nm: f64,
     /// Mean of the periods in nm.
     pub mean_nm: f64,
     /// Variance of the periods in nm².
     pub variance_nm2: f64,
-    /// Periods, in nm, of ridges that take turns in being the highest, with their part of the wavelengths.
+    /// Ridges that alternate as the highest: period in nm, and fraction of the wavelengths.
     pub ridges: Vec<[f64; 2]>,
     /// Azimuth of the light in degrees.
     pub azimuth_deg: f64,
-    /// Periods that the patch holds along its grating, where it cuts it: one period, averaged over the patch, was repeated in its place.
+    /// Number of periods along the grating in a patch that cuts it. One period, averaged over the patch, was then
+    /// repeated instead.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cut_periods: Option<f64>,
-    /// What the reader must know of the patch whose light was computed; reports have it by themselves.
+    /// Warnings about the patch; reports list them separately.
     #[serde(skip)]
     pub warnings: Vec<String>,
-    /// How densities were computed; reports have it by themselves.
+    /// Method of computation; reports list it separately.
     #[serde(skip)]
     pub choice: Choice,
 }
 
-/// Compares the peaks of the first order with the grating equation: light and directions of view lie in the plane of an azimuth, by
-/// default that of the strongest period.
+/// Compares the peaks of the first order with the grating equation.
+///
+/// Light and viewing directions are in the plane of an azimuth, by default that of the strongest period.
 ///
 /// # Errors
-/// `Input` for settings that make no sense, for surfaces without a period, and where no first order is seen.
+/// `Input` for invalid settings, for surfaces without a period, and if no first order is visible.
 pub fn check(
     field: &HeightField,
     quality: &Quality,
@@ -73,7 +76,7 @@ pub fn check(
     settings.check()?;
     ends("wavelengths", wavelengths_nm, [200.0, 2000.0])?;
     let [period_um, azimuth_deg] = given;
-    // A patch that cuts its grating is repeated with the cut: one period of the grating stands in for it, along its own direction.
+    // Repeating a patch that cuts its grating would repeat the cut; one period along the grating vector replaces it.
     if let Some(grating) = quality.grating.filter(|_| quality.cut().is_some()) {
         let whole = grating.whole(field);
         let of_whole = Quality::of_whole(&whole, grating, settings.coherence_um);
@@ -92,7 +95,7 @@ pub fn check(
     }
     let sin_i = settings.light_deg[0].to_radians().sin();
     let light = Direction::light(settings.light_deg[0], azimuth)?;
-    // Frequencies that are searched, and that leave the surface.
+    // Search range of frequencies that leave the surface.
     let range = |nm: f64| {
         let most = (1.0 + sin_i) * 1e3 / nm * 0.9999;
         [1.0 / period / (1.0 + AROUND), (1.0 / period * (1.0 + AROUND)).min(most)]
@@ -115,7 +118,7 @@ pub fn check(
     let q = |nm: f64, w: f64| TAU * 1e3 / nm * w;
     let qs = seen.iter().flat_map(|nm| {
         let [a, b] = range(*nm);
-        // Between both ends the highest point may lie in the mirror direction of the normal.
+        // If the mirror direction is between both ends, the maximum may be there.
         let top = if (1e-3 * nm * a - sin_i) * (1e-3 * nm * b - sin_i) < 0.0 { light.z + 1.0 } else { 0.0 };
         [q(*nm, w(a, *nm)), q(*nm, w(b, *nm)), q(*nm, top.max(w(a, *nm)))]
     });
@@ -138,7 +141,7 @@ pub fn check(
         let top = (1..count)
             .filter(|k| line[*k] >= line[*k - 1] && line[*k] > line[*k + 1])
             .max_by(|a, b| line[*a].total_cmp(&line[*b]))?;
-        // A Gaussian's logarithm is a parabola.
+        // The logarithm of a Gaussian is a parabola.
         let [a, b, c] = [line[top - 1], line[top], line[top + 1]].map(|v| v.max(1e-300).ln());
         let frequency = low + step * (top as f64 + 0.5 * (a - c) / (a - 2.0 * b + c));
         Some(Peak {
@@ -179,7 +182,7 @@ pub fn check(
     })
 }
 
-/// Groups of periods that lie nearer than 1 % to the next.
+/// Groups of periods that are less than 1 % apart from the next.
 fn ridges(peaks: &[Peak]) -> Vec<[f64; 2]> {
     let mut all: Vec<f64> = peaks.iter().map(|p| p.period_nm).collect();
     all.sort_by(f64::total_cmp);

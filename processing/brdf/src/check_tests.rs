@@ -1,4 +1,4 @@
-//! Patches of few periods, whole and cut, against closed forms and rigorous theory.
+//! Patches of few periods, whole and cut, compared with closed forms and rigorous theory.
 
 use super::*;
 use crate::height::{Profile, Shape, Synthetic};
@@ -6,7 +6,7 @@ use nacre_base::progress::Silent;
 use nacre_optics::rcwa::{self, ALUMINIUM, Polarization};
 use std::f64::consts::PI;
 
-/// A patch of so many periods along its side.
+/// Patch with this number of periods along its side.
 fn patch(profile: Profile, periods: f64, angle_deg: f64) -> HeightField {
     let (pixels, period_um) = (120, 2.5);
     let pixel_um = periods * period_um / pixels as f64;
@@ -18,14 +18,14 @@ fn checked(field: &HeightField, nm: &[f64]) -> GratingCheck {
     lit(field, nm, None)
 }
 
-/// With the light at 40° in an azimuth.
+/// Check with the light at 40° in an azimuth.
 fn lit(field: &HeightField, nm: &[f64], azimuth_deg: Option<f64>) -> GratingCheck {
     let quality = Quality::of(field, 65.0);
     let settings = Settings { light_deg: [40.0, 0.0], ..Settings::default() };
     check(field, &quality, &settings, nm, [None, azimuth_deg], &Silent).unwrap_or_else(|e| panic!("{e:?} {quality:?}"))
 }
 
-/// J1 by its power series.
+/// Bessel function J1 by its power series.
 fn bessel_1(x: f64) -> f64 {
     let mut term = 0.5 * x;
     let mut sum = term;
@@ -63,7 +63,7 @@ fn one_period_along_a_side_is_that_of_the_repeated_patch() {
             assert!(found.warnings.is_empty(), "{:?}", found.warnings);
         }
     }
-    // Less than a period askew, and what is no grating, have none.
+    // Less than one oblique period, and surfaces without a grating, give no grating.
     assert!(Quality::of(&patch(Profile::Sinusoid, 0.6, 30.0), 65.0).grating.is_none());
     let shape = Shape::Fingers;
     let fingers = Synthetic { shape, pixels: 96, pixel_um: 0.09, period_um: 1.2, depth_um: 0.3, angle: 0.4 };
@@ -85,8 +85,9 @@ fn a_check_of_a_cut_patch_is_that_of_its_grating() {
 
 #[test]
 fn orders_of_a_cut_patch_hold_the_light_of_closed_forms() {
-    // Of half the phase from the lowest to the highest point. The first order of a ramp: sinc² of its distance from a whole turn. The order
-    // that is looked at lies on the light's side of the mirror direction; a ramp that rises towards the light sends its light to the other.
+    // x is half of the phase depth. The first order of a ramp is sinc² of the distance from a full turn. The observed
+    // order is on the light's side of the mirror direction. A ramp that rises towards the light diffracts to the other
+    // side.
     let of = |profile: Profile, x: f64, azimuth_deg: f64| match profile {
         Profile::Sinusoid => bessel_1(x).powi(2),
         _ => {
@@ -102,7 +103,7 @@ fn orders_of_a_cut_patch_hold_the_light_of_closed_forms() {
                 let w = 40_f64.to_radians().cos() + p.theta_r_deg.to_radians().cos();
                 let x = PI * 0.2 * w * 1e3 / p.wavelength_nm;
                 let truth = of(profile, x, azimuth_deg);
-                // A ramp of 46 pixels a period is a staircase.
+                // A ramp with 46 pixels per period is a staircase.
                 assert!((p.relative / truth - 1.0).abs() < 0.06, "{profile:?} {azimuth_deg} {p:?} {truth}");
             }
         }
@@ -111,7 +112,7 @@ fn orders_of_a_cut_patch_hold_the_light_of_closed_forms() {
 
 #[test]
 fn rigorous_theory_has_the_same_order_as_a_cut_patch() {
-    // A long, shallow grating of aluminium: its first order over what the metal reflects.
+    // A long, shallow aluminium grating: its first order relative to the reflectance of the metal.
     let (period_um, depth_um) = (8.0, 0.12);
     let shape = Shape::Grating(Profile::Sinusoid);
     let field = Synthetic { shape, pixels: 128, pixel_um: 0.15, period_um, depth_um, angle: 0.0 }.field().unwrap();

@@ -1,4 +1,4 @@
-//! The cheapest method that is as exact as asked for.
+//! Choice of the cheapest method that meets the requested error.
 
 use super::bank::{Bank, Limits, MOST_BYTES, Relief, bytes, reach};
 use super::engine::{Engine, Model, Request};
@@ -16,15 +16,17 @@ use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Parts of the wanted error: an expansion's truncation and its rounding, window, wavelengths.
+/// Fractions of the requested error for truncation and rounding of the expansion, for the window, for wavelengths, and
+/// for omitted frequencies.
 const EXPANSION: [f64; 2] = [0.125; 2];
 pub(super) const WINDOW: f64 = 0.25;
 pub(super) const STEP: f64 = 0.25;
 const DARK: f64 = 0.1;
 
-/// Nanoseconds: a point of a transform and doubling of its size, a density, a frequency under the window and its terms in groups of eight,
-/// a function of X, a look at whether a frequency is dark, an exponential.
-/// As measured on one machine; they need only be right against each other.
+/// Cost model: times in ns, measured on one machine; only the ratios matter.
+///
+/// In order: a point of a transform per doubling of its size, a density, a frequency under the window, its terms in
+/// groups of eight. Then a function of X, a test for a dark frequency, an exponential.
 const POINT_NS: f64 = 0.9;
 const DENSITY_NS: f64 = 60.0;
 const NEAR_NS: f64 = 6.0;
@@ -33,33 +35,33 @@ const COEFFICIENT_NS: f64 = 4.0;
 const LOOK_NS: f64 = 1.0;
 const EXPONENTIAL_NS: f64 = 15.0;
 
-/// Why of a method that somebody chose.
+/// Reason for a method that the user chose.
 const ASKED: &str = "asked for";
 
-/// What was chosen, and why.
+/// Chosen method, with the reason.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "BrdfChoice")]
 pub struct Choice {
-    /// The method.
+    /// Method of computation.
     pub method: Method,
-    /// Bits of its numbers.
+    /// Precision in bits.
     pub bits: u32,
-    /// Terms, or transforms; none for direct sums.
+    /// Number of terms or transforms; absent for direct sums.
     pub terms: Option<usize>,
-    /// Spatial frequencies that hold light.
+    /// Number of spatial frequencies with light.
     pub frequencies: Option<usize>,
-    /// Largest relative error, of lobes with a thousandth of the light, that is expected of the expansion, its rounding and the window; of
-    /// `pq`, of lobes as strong as their neighbours.
+    /// Predicted largest relative error from expansion, rounding and window, for lobes with at least 0.1 % of the
+    /// light. For `pq`, it applies to lobes as strong as their neighbours.
     pub predicted_error: f64,
-    /// The same, measured against direct sums at some places.
+    /// Largest relative error, measured against direct sums at some points.
     pub measured_error: Option<f64>,
-    /// CPU time that was expected, in s.
+    /// Predicted CPU time in s.
     pub predicted_s: f64,
-    /// In words.
+    /// Reason for the choice.
     pub why: String,
 }
 
-/// One way to do it.
+/// Method that is considered.
 #[derive(Clone, Debug)]
 struct Candidate {
     method: Method,
@@ -73,7 +75,7 @@ fn epsilon(bits: u32) -> f64 {
     if bits == 32 { f64::from(f32::EPSILON) } else { f64::EPSILON }
 }
 
-/// Relative error of the faintest lobe that counts.
+/// Relative error of the faintest significant lobe, from an amplitude error.
 pub(super) fn of_lobes(amplitude: f64) -> f64 {
     2.0 * amplitude / FAINTEST.sqrt()
 }
@@ -83,15 +85,16 @@ struct Chooser<'a> {
     request: Request,
     radius: f64,
     wanted: f64,
-    /// Parts of it for an expansion's truncation and its rounding.
+    /// Fractions of the requested error for truncation and rounding of the expansion.
     parts: [f64; 2],
-    /// The highest power that was asked for, whatever it is off by.
+    /// Highest power requested by the user, regardless of its error.
     order: Option<usize>,
     workers: f64,
 }
 
 impl Chooser<'_> {
-    /// The shortest expansion of a kind in this precision, if there is one that meets the wanted error and fits into memory.
+    /// Shortest expansion of a kind in this precision that meets the requested error and fits into memory; `None` if
+    /// there is none.
     fn candidate(&self, method: Method, kind: Kind, bits: u32) -> Option<Candidate> {
         let [truncation, most_rounding] = self.parts.map(|part| part * self.wanted / 2.0 * FAINTEST.sqrt());
         let [low, high] = self.request.q.map(|q| q * self.relief.half_um);
@@ -122,7 +125,7 @@ impl Chooser<'_> {
         across(self.relief.size_um[0], self.relief.width) * across(self.relief.size_um[1], self.relief.height)
     }
 
-    /// CPU time in s, where this part of the frequencies holds light, or that of one grating.
+    /// CPU time in s, if a fraction `lit` of the frequencies holds light, or only those of one grating.
     fn seconds(&self, expansion: &Expansion, bits: u32, lit: f64, grating: Option<Lattice>) -> f64 {
         let points = (self.relief.width * self.relief.height) as f64;
         let wide = if bits == 32 { 1.0 } else { 1.7 };
@@ -145,10 +148,10 @@ impl Chooser<'_> {
     }
 }
 
-/// Checks that the pixels carry the orders that are asked for.
+/// Checks that the pixel pitch can carry the requested orders.
 ///
 /// # Errors
-/// `Input` when they do not.
+/// `Input` if it is too coarse.
 pub(super) fn check_pitch(field: &HeightField, request: &Request) -> Result<()> {
     let limit = 0.5 / field.pixel_um;
     let along = [field.width, field.height];
@@ -169,10 +172,10 @@ pub(super) fn check_pitch(field: &HeightField, request: &Request) -> Result<()> 
     ))
 }
 
-/// Makes a patch ready for a request.
+/// Prepares a patch for a request.
 ///
 /// # Errors
-/// `Input` when the pitch does not suffice, or the method that was asked for cannot do it.
+/// `Input` if the pixel pitch is too coarse, or the requested method does not apply.
 pub(super) fn prepare<'a>(
     field: &'a HeightField,
     quality: &Quality,
@@ -229,7 +232,7 @@ pub(super) fn prepare<'a>(
         predicted_s: candidate.seconds,
         why,
     };
-    // All that is left out together would not be missed, were it in one place.
+    // Negligible even if all omitted light were in one place.
     let dark = DARK * settings.max_error * FAINTEST;
     let wide = request.wide(radius);
     let step = || progress.step();
@@ -238,7 +241,7 @@ pub(super) fn prepare<'a>(
             let linear = settings.method == Method::PqLinear;
             let repeats = repeats(relief.size_um, settings.coherence_um);
             choice.predicted_error += interpolation_error(repeats, linear);
-            // Interpolation needs the next frequencies as well.
+            // Interpolation needs neighbouring frequencies too.
             let more = relief.size_um.map(|um| 6.0 / um);
             let frequency = [0, 1].map(|k| wide.frequency[k] + more[k]);
             let limits = Limits { frequency, length: wide.length + more[0].hypot(more[1]) };
@@ -265,7 +268,8 @@ pub(super) fn prepare<'a>(
     Ok((ready, choice))
 }
 
-/// Keeps what `nmm` was asked for; or finds out that what is there is all of one grating, whose other wavelengths are dark anyway.
+/// Keeps only the frequencies of `nmm`, if requested. Otherwise detects whether all light is that of one grating, whose
+/// other wavelengths are dark.
 fn settle<T: Real>(
     bank: &mut Bank<T>,
     asked: Option<Lattice>,
@@ -293,10 +297,11 @@ fn settle<T: Real>(
     lattice
 }
 
-/// The expansion of a set of terms: real functions, in single precision, whose truncation and rounding take these parts of the wanted error.
+/// Expansion into real functions in single precision. `parts` are the fractions of the requested error for truncation
+/// and rounding.
 ///
 /// # Errors
-/// `Input` for methods that are no such expansion, and depths that they cannot do.
+/// `Input` for methods without such an expansion, and for depths that they cannot handle.
 pub(super) fn expansion(relief: &Relief, request: Request, settings: &Settings, parts: [f64; 2]) -> Result<Expansion> {
     let method = match settings.method {
         Method::Auto => Method::Chebyshev,
@@ -321,7 +326,7 @@ pub(super) fn expansion(relief: &Relief, request: Request, settings: &Settings, 
 }
 
 impl Chooser<'_> {
-    /// Why no expansion of a method will do.
+    /// Error for a method without a suitable expansion.
     fn too_hard(&self, method: Method) -> Error {
         let x = self.request.q[1] * self.relief.half_um;
         let (problem, remedy) = if method == Method::Taylor {
@@ -335,7 +340,7 @@ impl Chooser<'_> {
         Error::input(format!("method {}", name(method)), problem, remedy)
     }
 
-    /// The candidate of a method, or the cheapest, and why.
+    /// Candidate of a method, or the cheapest of all, with the reason.
     fn choose(&self, method: Method) -> Result<(Candidate, String)> {
         let kinds: &[(Method, Kind)] = match method {
             Method::Taylor => &[(Method::Taylor, Kind::Taylor)],
@@ -375,7 +380,7 @@ impl Chooser<'_> {
     }
 }
 
-/// A method's name as users give it.
+/// Name of a method in options.
 pub fn name(method: Method) -> &'static str {
     match method {
         Method::Auto => "auto",

@@ -1,4 +1,4 @@
-//! Power densities of a height field for any directions, for programs that ask for them one by one.
+//! Power densities of a height field for arbitrary directions, one at a time.
 
 use super::choose::{Choice, prepare};
 use super::engine::{Engine, Memory, Model, Request};
@@ -10,24 +10,25 @@ use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use std::f64::consts::TAU;
 
-/// A height field made ready for all directions and all visible wavelengths.
+/// Height field prepared for all directions and all visible wavelengths.
 pub struct Densities {
     model: Model<'static>,
-    /// How they are computed.
+    /// Method of computation.
     pub choice: Choice,
-    /// What the light's coherence makes of a line.
+    /// Window of the light's coherence, the shape of a lobe.
     pub window: Window,
 }
 
-/// Memory of one thread.
+/// Working memory of a thread.
 #[derive(Default)]
 pub struct Workspace(Memory);
 
 impl Densities {
-    /// Of a height field under light of a coherence, with the cheapest method that meets an error, for so many densities.
+    /// Prepares a height field for a coherence width, with the cheapest method that meets an error for this number of
+    /// densities.
     ///
     /// # Errors
-    /// `Input` when its pitch does not suffice, and for settings that make no sense.
+    /// `Input` if the pixel pitch is too coarse, and for invalid settings.
     pub fn new(
         field: &HeightField,
         coherence_um: f64,
@@ -51,7 +52,7 @@ impl Densities {
         Ok(Self { model: Model { engine, window, radius, lattice }, choice, window })
     }
 
-    /// Density in µm² at a spatial frequency in 1/µm, for `q = 2π/λ · (cos θi + cos θr)` in 1/µm.
+    /// Power density in µm² at a spatial frequency in 1/µm, for `q = 2π/λ · (cos θi + cos θr)` in 1/µm.
     pub fn at(&self, place: [f64; 2], q: f64, workspace: &mut Workspace) -> f64 {
         self.model.density(place, q, &mut workspace.0).max(0.0)
     }

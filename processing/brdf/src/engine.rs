@@ -1,4 +1,4 @@
-//! A patch made ready: power densities for any pair of directions and any wavelength within a range.
+//! Patch prepared for power densities of any pair of directions and any wavelength within a range.
 
 use super::bank::{Bank, Limits, Scratch};
 use super::geometry::Window;
@@ -6,34 +6,34 @@ use super::lattice::Lattice;
 use super::pq::Pq;
 use super::reference::Reference;
 
-/// What a product is going to ask for.
+/// Range of densities that a product needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Request {
-    /// Least and most of `2π/λ · (cos θi + cos θr)`, in 1/µm.
+    /// Minimum and maximum of `2π/λ · (cos θi + cos θr)`, in 1/µm.
     pub q: [f64; 2],
     /// Largest spatial frequencies to the right and up, in 1/µm.
     pub frequency: [f64; 2],
-    /// Largest length of a spatial frequency: |ωi + ωr|/λ in the plane, at most 2/λ.
+    /// Largest magnitude of a spatial frequency, |ωi + ωr|/λ in the plane, in 1/µm; at most 2/λ.
     pub length: f64,
-    /// How many densities.
+    /// Number of densities.
     pub densities: f64,
 }
 
 impl Request {
-    /// Largest spatial frequencies with the window's margin.
+    /// Largest spatial frequencies with the margin of the window.
     pub(super) fn wide(&self, radius: f64) -> Limits {
         Limits { frequency: self.frequency.map(|f| f + radius), length: self.length + radius }
     }
 }
 
-/// Memory of one thread.
+/// Working memory of a thread.
 #[derive(Default)]
 pub(super) struct Memory {
     single: Scratch<f32>,
     double: Scratch<f64>,
 }
 
-/// How densities are computed.
+/// Representation of the patch by which densities are computed.
 pub(super) enum Engine<'a> {
     Reference(Reference<'a>),
     Single(Bank<f32>),
@@ -41,13 +41,13 @@ pub(super) enum Engine<'a> {
     Pq(Box<Pq>),
 }
 
-/// An engine with its window.
+/// Engine with its window.
 pub(super) struct Model<'a> {
     pub engine: Engine<'a>,
     pub window: Window,
-    /// How far the window is followed, in 1/µm.
+    /// Radius at which the window is truncated, in 1/µm.
     pub radius: f64,
-    /// The only frequencies that have light, if they are known to be those of one grating (`nmm`).
+    /// Frequencies of one grating, if only those have light (`nmm`).
     pub lattice: Option<Lattice>,
 }
 
@@ -62,7 +62,7 @@ impl Model<'_> {
         }
     }
 
-    /// Density of a flat mirror in its mirror direction, µm².
+    /// Power density of a flat mirror in its mirror direction, in µm².
     pub(super) fn mirror(&self) -> f64 {
         match &self.engine {
             Engine::Pq(pq) => pq.area_um2(),

@@ -1,7 +1,7 @@
-//! Three ways to write `exp(-iXt)`, -1 ≤ t ≤ 1, as a sum of products of a function of X and one of t.
+//! Expansions of `exp(-iXt)`, -1 ≤ t ≤ 1, as sums of products of a function of X and a function of t.
 //!
-//! X is `k(cos θi + cos θr)` times half the range of heights, t the height within this range. The transforms of the functions of t are
-//! made once for a patch; a pair of directions and a wavelength then only need the functions of X.
+//! X is `k(cos θi + cos θr)` times half the range of heights, and t is the normalised height. The transforms of the
+//! functions of t are computed once per patch. A pair of directions and a wavelength then need the functions of X only.
 
 use super::transform::Real;
 use num_complex::{Complex, Complex64};
@@ -9,29 +9,29 @@ use pulp::Arch;
 use serde::Serialize;
 use std::f64::consts::PI;
 
-/// Most terms: a depth of 60 µm at 380 nm.
+/// Largest number of terms: a depth of 60 µm at 380 nm.
 pub const MOST_TERMS: usize = 600;
 
-/// Which expansion.
+/// Kind of expansion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Kind {
-    /// Powers (2014 thesis, section 3.3: FLSS). Its terms grow to e^X before they cancel.
+    /// Powers (2014 thesis, section 3.3: FLSS). The terms grow to e^X before they cancel.
     Taylor,
-    /// Chebyshev polynomials with Bessel functions (Jacobi and Anger): stable at any depth.
+    /// Chebyshev polynomials with Bessel functions (Jacobi-Anger expansion): stable at any depth.
     Chebyshev,
-    /// The exponential itself at some X, with the polynomial through them between.
+    /// The exponential at some values of X (nodes), with polynomial interpolation between them.
     Nodes,
 }
 
-/// An expansion for `low ≤ X ≤ high` with a number of terms.
+/// Expansion for `low ≤ X ≤ high`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Expansion {
     pub kind: Kind,
     pub low: f64,
     pub high: f64,
     pub terms: usize,
-    /// X of the nodes and their barycentric weights.
+    /// X of the nodes, and their barycentric weights.
     nodes: Vec<[f64; 2]>,
 }
 
@@ -43,7 +43,7 @@ pub(super) fn bessel(x: f64, out: &mut [f64]) {
         out.iter_mut().skip(1).take(1).for_each(|j| *j = 0.5 * x);
         return;
     }
-    // Far enough above both x and n that nothing of the start is left.
+    // Starts far enough above both x and n for the start value to be forgotten.
     let top = (out.len() as f64).max(x);
     let start = (top + 12.0 + 10.0 * top.cbrt()) as usize / 2 * 2;
     let (mut above, mut here, mut sum) = (0.0, 1e-280_f64, 0.0);
@@ -71,7 +71,8 @@ pub(super) fn bessel(x: f64, out: &mut [f64]) {
     out.iter_mut().for_each(|v| *v /= sum);
 }
 
-/// Terms of the Chebyshev expansion that leave less than `error`: `2 Σ |Jn(X)|` over the others. None above 600.
+/// Number of terms of the Chebyshev expansion for a truncation error below `error`, bounded by `2 Σ |Jn(X)|` of the
+/// omitted ones; `None` above 600.
 pub fn chebyshev_terms(x: f64, error: f64) -> Option<usize> {
     let mut all = vec![0.0; (x + 60.0 + 12.0 * x.cbrt()) as usize + 2];
     if x > MOST_TERMS as f64 {
@@ -90,8 +91,10 @@ pub fn chebyshev_terms(x: f64, error: f64) -> Option<usize> {
     (terms <= MOST_TERMS && terms < all.len()).then_some(terms)
 }
 
-/// Terms of the Taylor expansion that leave less than `error`, if rounding to `epsilon` leaves less as well: terms reach e^X before they
-/// cancel. None where it does not ("never", in the notes' table).
+/// Number of terms of the Taylor expansion for a truncation error below `error`; `None` if the rounding error exceeds
+/// it.
+///
+/// The terms reach e^X before they cancel, and `epsilon` is their relative precision.
 pub fn taylor_terms(x: f64, error: f64, epsilon: f64) -> Option<usize> {
     if taylor_rounding(x, epsilon) > error {
         return None;
@@ -110,24 +113,25 @@ pub fn taylor_terms(x: f64, error: f64, epsilon: f64) -> Option<usize> {
     }
 }
 
-/// Rounding error of the Taylor expansion: ε of its largest term, `e^X/√(2πX)`.
+/// Rounding error of the Taylor expansion: ε times its largest term, `e^X/√(2πX)`.
 pub(super) fn taylor_rounding(x: f64, epsilon: f64) -> f64 {
     x.min(700.0).exp() / (1.0 + 2.0 * PI * x).sqrt() * epsilon
 }
 
 impl Expansion {
-    /// The shortest of its kind whose truncation leaves less than `error` of the amplitude 1; none where there is none.
+    /// Shortest expansion of its kind with a truncation error below `error` (relative to an amplitude of 1); `None` if
+    /// there is none.
     pub(super) fn new(kind: Kind, low: f64, high: f64, error: f64, epsilon: f64) -> Option<Self> {
         let terms = match kind {
             Kind::Taylor => taylor_terms(high, error, epsilon)?,
             Kind::Chebyshev => chebyshev_terms(high, error)?,
-            // Interpolating doubles what truncation leaves: what is left out comes back as lower terms.
+            // Interpolation doubles the truncation error by aliasing.
             Kind::Nodes => chebyshev_terms(0.5 * (high - low), 0.5 * error)?,
         };
         Some(Self::with_terms(kind, low, high, terms))
     }
 
-    /// With so many terms.
+    /// Expansion with this number of terms.
     pub(super) fn with_terms(kind: Kind, low: f64, high: f64, terms: usize) -> Self {
         let angle = |k: usize| PI * (k as f64 + 0.5) / terms as f64;
         let node = |k: usize| {
@@ -138,7 +142,7 @@ impl Expansion {
         Self { kind, low, high, terms, nodes }
     }
 
-    /// What truncation leaves of the amplitude 1.
+    /// Truncation error, relative to an amplitude of 1.
     pub(super) fn error(&self) -> f64 {
         let rest = |x: f64, from: usize| {
             let mut all = vec![0.0; from + 40 + (x + 6.0 * x.cbrt()) as usize];
@@ -152,21 +156,21 @@ impl Expansion {
         }
     }
 
-    /// What rounding to `epsilon` leaves.
+    /// Error due to rounding with relative precision `epsilon`.
     pub(super) fn rounding(&self, epsilon: f64) -> f64 {
         match self.kind {
             Kind::Taylor => taylor_rounding(self.high, epsilon),
-            // Transforms and sums of so many numbers of about 1.
+            // Transforms and sums of this number of values near 1.
             Kind::Chebyshev | Kind::Nodes => 8.0 * epsilon * (self.terms as f64).sqrt(),
         }
     }
 
-    /// Whether the functions of t are real; else they are complex, and their transforms cost twice as much.
+    /// Whether the functions of t are real. The transforms of complex ones cost twice as much.
     pub(super) fn is_real(&self) -> bool {
         self.kind != Kind::Nodes
     }
 
-    /// Functions of X, one per term, all real.
+    /// Evaluates the functions of X, one per term, all real.
     pub(super) fn coefficients(&self, x: f64, out: &mut [f64]) {
         match self.kind {
             Kind::Taylor => {
@@ -184,7 +188,7 @@ impl Expansion {
         }
     }
 
-    /// Lagrange's polynomials through the nodes.
+    /// Lagrange polynomials through the nodes.
     fn barycentric(&self, x: f64, out: &mut [f64]) {
         if let Some(at) = self.nodes.iter().position(|n| (x - n[0]).abs() < 1e-13 * self.high.max(1.0)) {
             out.fill(0.0);
@@ -199,11 +203,13 @@ impl Expansion {
         out.iter_mut().for_each(|c| *c /= sum);
     }
 
-    /// Functions of t of the real expansions, each to be multiplied by [`Self::factor`], but that of term 0, which is 1: line k of `lines`,
-    /// which are `stride` numbers apart, gets the terms `2 (first + k) + 1` and the next as real and imaginary parts. Lines must have room for
-    /// all heights in groups of eight; `t` is what makes -1 to 1 of them.
+    /// Evaluates the functions of t of real expansions except that of term 0, which is 1. Each is multiplied by
+    /// [`Self::factor`] later.
     ///
-    /// In double precision: in single, the recurrence would lose n² roundings at the ends.
+    /// Line k of `lines` (at a distance of `stride` numbers) gets the terms `2 (first + k) + 1` and the next, as real
+    /// and imaginary parts. Lines must have room for all heights in groups of eight. `t` maps heights to -1 to 1.
+    ///
+    /// The recurrence is in double precision; single precision would lose n² roundings at the ends.
     pub(super) fn pairs<T: Real>(
         &self,
         heights: &[f64],
@@ -212,7 +218,7 @@ impl Expansion {
         stride: usize,
         lines: &mut [Complex<T>],
     ) {
-        // T(n+1) = 2 t T(n) - T(n-1); powers go without the second.
+        // T(n+1) = 2 t T(n) - T(n-1); powers lack the second term.
         let [scale, back] = if self.kind == Kind::Taylor { [1.0, 0.0] } else { [2.0, 1.0] };
         Arch::new().dispatch(|| {
             for (k, group) in heights.chunks(8).enumerate() {
@@ -240,7 +246,8 @@ impl Expansion {
         });
     }
 
-    /// The factor of a real term: powers of -i and, of powers, `Xⁿ/n!` at the largest X; their coefficients are powers of X over it.
+    /// Factor of a real term: powers of -i, and `Xⁿ/n!` at the largest X for powers, whose coefficients are powers of X
+    /// relative to it.
     pub(super) fn factor(&self, term: usize) -> Complex64 {
         let turn = Complex64::new(0.0, -1.0).powi(term as i32);
         let size = if self.kind == Kind::Taylor { (1..=term).fold(1.0, |f, n| f * self.high / n as f64) } else { 1.0 };
@@ -267,7 +274,7 @@ mod tests {
             let stride = t.len().next_multiple_of(8);
             let pairs = e.terms / 2;
             let mut lines = vec![Complex64::new(0.0, 0.0); stride * pairs];
-            // In two parts, as large patches have it; heights from 1 to 5.
+            // In two parts, as for large patches; heights from 1 to 5.
             let heights: Vec<f64> = t.iter().map(|t| 2.0 * t + 3.0).collect();
             let (low, high) = lines.split_at_mut(stride * (pairs / 2));
             e.pairs(&heights, |h| 0.5 * (h - 3.0), 0, stride, low);
@@ -303,7 +310,7 @@ mod tests {
 
     #[test]
     fn terms_are_those_of_the_notes() {
-        // Highest powers for 1 % at 380 nm and w = 2, by range of height; "never" is cancellation.
+        // Highest powers for 1 % at 380 nm and w = 2, by height range; "never" means cancellation.
         let x = |range_um: f64| 4.0 * PI / 0.38 * range_um;
         let highest = |terms: Option<usize>| terms.map(|n| n - 1);
         let double = f64::EPSILON;
@@ -317,7 +324,7 @@ mod tests {
             assert_eq!(highest(taylor_terms(x(range), 0.01, double)), plain, "{range}");
             assert_eq!(highest(taylor_terms(x(range), 0.01, f64::from(f32::EPSILON))), single, "{range} f32");
             assert_eq!(highest(taylor_terms(0.5 * x(range), 0.01, double)), centered, "{range} centred");
-            // The bound adds up what is left without regard to signs, which at 4 µm costs one term; the notes' number is enough.
+            // The bound ignores signs, which costs one term at 4 µm; the number of the physics notes suffices.
             let bound = highest(chebyshev_terms(0.5 * x(range), 0.01)).unwrap();
             assert!(bound == chebyshev || (range == 4.0 && bound == 75), "{range}: {bound}");
             let e = Expansion::with_terms(Kind::Chebyshev, 0.0, 0.5 * x(range), chebyshev + 1);
@@ -341,7 +348,7 @@ mod tests {
                 let worst = along.fold(0.0, f64::max);
                 let floor = e.rounding(f64::EPSILON);
                 assert!(worst <= error + floor && worst.is_finite(), "{kind:?} {error}: {worst}");
-                // Not wasteful: one bound in a hundred would do.
+                // The expansion is not wasteful: its error is at least a thousandth of the bound.
                 assert!(worst > error * 1e-3 || worst < 1e-9, "{kind:?} {error}: {worst}");
             }
         }

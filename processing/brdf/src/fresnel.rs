@@ -1,7 +1,7 @@
-//! How much a smooth surface of the material reflects: used once, as a factor of the BRDF.
+//! Reflectance of a smooth surface of the material, a factor of the BRDF.
 //!
-//! Stam's F is the coefficient of an amplitude, so his F² is a reflectance; Schlick's F already is one (see the physics notes on the 2014
-//! thesis, which squares it).
+//! Stam's F is an amplitude coefficient, so his F² is a reflectance. Schlick's F is a reflectance already, but the 2014
+//! thesis squares it.
 
 use nacre_base::{Error, Result};
 use num_complex::Complex64;
@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
-/// Names of the materials that are built in.
+/// Names of the built-in materials.
 pub const MATERIALS: [&str; 7] = ["aluminium", "silver", "gold", "copper", "nickel", "chromium", "silicon"];
 
 /// Reflectance of the smooth surface.
@@ -19,13 +19,13 @@ pub const MATERIALS: [&str; 7] = ["aluminium", "silver", "gold", "copper", "nick
 #[serde(try_from = "String", into = "String")]
 #[schemars(with = "String")]
 pub enum Reflectance {
-    /// All light at every angle.
+    /// Reflectance of 1 at every angle.
     Perfect,
     /// Schlick's approximation with this reflectance at normal incidence.
     Schlick(f64),
-    /// Fresnel's equations, unpolarised, for the complex index of a material.
+    /// Fresnel's equations for unpolarized light and the complex refractive index of a material.
     Material {
-        /// Its name.
+        /// Name of the material.
         name: String,
         /// Wavelength in nm, n and k.
         rows: Vec<[f64; 3]>,
@@ -86,10 +86,10 @@ fn rows(csv: &str) -> Vec<[f64; 3]> {
 }
 
 impl Reflectance {
-    /// Checks that the material is known at a range of wavelengths in nm.
+    /// Checks that the table of the material covers a range of wavelengths in nm.
     ///
     /// # Errors
-    /// `Input` when it is not.
+    /// `Input` if it does not.
     pub fn check(&self, range_nm: [f64; 2]) -> Result<()> {
         let Self::Material { name, rows } = self else { return Ok(()) };
         let known = [rows.first(), rows.last()].map(|r| r.map_or(f64::NAN, |r| r[0]));
@@ -100,7 +100,7 @@ impl Reflectance {
         Err(Error::input("material", problem, "choose wavelengths within, or give schlick=R0"))
     }
 
-    /// Reflectance at the cosine of the angle of incidence and a wavelength in nm.
+    /// Reflectance for the cosine of the angle of incidence and a wavelength in nm.
     pub fn at(&self, cos: f64, nm: f64) -> f64 {
         match self {
             Self::Perfect => 1.0,
@@ -110,7 +110,7 @@ impl Reflectance {
     }
 }
 
-/// Complex index, linear between the rows.
+/// Complex refractive index, interpolated linearly between the rows.
 fn index(rows: &[[f64; 3]], nm: f64) -> Complex64 {
     let next = rows.partition_point(|r| r[0] < nm).clamp(1, rows.len() - 1);
     let ([a, n0, k0], [b, n1, k1]) = (rows[next - 1], rows[next]);
@@ -118,8 +118,11 @@ fn index(rows: &[[f64; 3]], nm: f64) -> Complex64 {
     Complex64::new(n0 + (n1 - n0) * t, k0 + (k1 - k0) * t)
 }
 
-/// Mean of the reflectances of both polarizations. With `a + ib = √(n² - sin²)`, the parallel one is the other times
-/// `((a cos - sin²)² + b² cos²) / ((a cos + sin²)² + b² cos²)`, so that squares of a and b, which need no angle, are enough.
+/// Fresnel reflectance, averaged over both polarizations.
+///
+/// With `a + ib = √(n² - sin²)`, the reflectance for p is that for s times
+/// `((a cos - sin²)² + b² cos²) / ((a cos + sin²)² + b² cos²)`. Only a and squares of b are needed, without complex
+/// angles.
 fn fresnel(n: Complex64, cos: f64) -> f64 {
     let sin_square = 1.0 - cos * cos;
     let inside = n * n - sin_square;
@@ -140,8 +143,8 @@ mod tests {
 
     #[test]
     fn metals_reflect_as_published() {
-        // Reflectance at normal incidence as handbooks print it. Films of metals differ by 0.02 to 0.03
-        // between sources, so this tells metals and columns of a table apart, and no more.
+        // Handbook reflectances at normal incidence. Metal films differ by 0.02 to 0.03 between sources, so this test
+        // only distinguishes metals and columns of a table.
         for (name, nm, truth) in [
             ("aluminium", 550.0, 0.92),
             ("silver", 550.0, 0.97),
@@ -171,7 +174,7 @@ mod tests {
     fn glass_has_its_brewster_angle_and_schlick_is_near_it() {
         let n = Complex64::new(1.5, 0.0);
         assert!((fresnel(n, 1.0) - 0.04).abs() < 1e-12);
-        // tan θ = n: no p light.
+        // At Brewster's angle, tan θ = n, p light is not reflected.
         let cos = 1.0 / (1.0 + 1.5_f64.powi(2)).sqrt();
         let s: f64 = (1.0 - 1.5 * 1.5) / (1.0 + 1.5 * 1.5);
         let s = s * s;

@@ -1,4 +1,4 @@
-//! The shader of GPU Gems (2004, chapter 8): colours from a period alone, for comparison.
+//! Diffraction shader of GPU Gems (2004, chapter 8) for comparison: colours from the period alone.
 
 use super::brdf::Views;
 use super::geometry::{Direction, Pair};
@@ -7,17 +7,19 @@ use nacre_image::{Attribute, write_exr, write_png8, write_whole_with};
 use nacre_optics::color::srgb_code;
 use std::path::Path;
 
-/// Orders that it adds up.
+/// Number of orders in the sum.
 const ORDERS: usize = 8;
 
-/// Its wavelengths run from 0.5 to 1 with blue at 0.625, green at 0.75 and red at 0.875; times this they are those of light, in µm.
+/// Scale from the shader's wavelengths (0.5 to 1; blue 0.625, green 0.75, red 0.875) to µm.
 const MICRON: f64 = 0.72;
 
 /// Grey of directions below the surface.
 const BELOW: u8 = 60;
 
-/// Linear red, green and blue where the component of `ωi + ωr` across the grooves is `u`: for each order n the bump of the wavelength
-/// `period·|u|/n`, all orders alike; it knows neither depth nor shape.
+/// Linear red, green and blue for a component `u` of `ωi + ωr` across the grooves.
+///
+/// Each order n adds the shader's bump at the wavelength `period·|u|/n` with equal weight, regardless of depth and
+/// profile.
 pub fn color(u: f64, period_um: f64) -> [f64; 3] {
     let bump = |x: f64| (1.0 - x * x).max(0.0);
     let mut sum = [0.0; 3];
@@ -30,8 +32,10 @@ pub fn color(u: f64, period_um: f64) -> [f64; 3] {
     sum
 }
 
-/// The shader's map over directions of view: linear red, green and blue; NaN outside the hemisphere. `light_deg` is the angle of the light from the
-/// normal and its azimuth, `direction_deg` that of the grating vector.
+/// Map of the shader over viewing directions: linear red, green and blue; NaN outside of the hemisphere.
+///
+/// `light_deg` is the light's angle from the normal and its azimuth, `direction_deg` the direction of the grating
+/// vector.
 ///
 /// # Errors
 /// `Input` for a period outside of 0.1 to 100 µm, and for light and views as for a map.
@@ -55,10 +59,10 @@ pub fn gems_map(period_um: f64, direction_deg: f64, light_deg: [f64; 2], views: 
     Ok((0..views.size * views.size).map(at).collect())
 }
 
-/// Writes such a map (EXR) and its picture (sRGB, PNG; 1 is white).
+/// Writes the shader's map (EXR) and its picture (sRGB, PNG; 1 is white).
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn write_gems(path: &Path, picture: &Path, map: &[[f32; 3]], views: Views) -> Result<()> {
     let attributes = [
         ("units", Attribute::Text("linear red, green and blue of the shader; 1 is the top of one order's bump".into())),

@@ -1,33 +1,33 @@
-//! Directions, and what of Stam's BRDF depends on nothing else.
+//! Directions, and the geometric factors of Stam's BRDF.
 
 use nacre_base::{Error, Result};
 use serde::Serialize;
 
-/// A direction away from the surface, of length 1: x to the right, y up, z the normal.
+/// Unit direction away from the surface: x to the right, y up, z along the normal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Direction {
-    /// To the right.
+    /// Component to the right.
     pub x: f64,
-    /// Up in the plane of the surface.
+    /// Component up in the plane of the surface.
     pub y: f64,
-    /// Along the normal.
+    /// Component along the normal.
     pub z: f64,
 }
 
 impl Direction {
-    /// At an angle from the normal and an azimuth anticlockwise from the right, in rad.
+    /// Direction at an angle from the normal and an azimuth anticlockwise from the right, in rad.
     pub fn new(theta: f64, phi: f64) -> Self {
         let (sin, cos) = theta.sin_cos();
         Self { x: sin * phi.cos(), y: sin * phi.sin(), z: cos }
     }
 
-    /// Of its components in the plane of the surface; none below the surface.
+    /// Direction of these components in the plane of the surface; `None` beyond the horizon.
     pub fn of(x: f64, y: f64) -> Option<Self> {
         let square = 1.0 - x * x - y * y;
         (square > 0.0).then(|| Self { x, y, z: square.sqrt() })
     }
 
-    /// Of the light, at angles in degrees.
+    /// Direction of the light from angles in degrees.
     ///
     /// # Errors
     /// `Input` for light that does not come from above.
@@ -44,14 +44,14 @@ impl Direction {
     }
 }
 
-/// A pair of directions, as the methods see it.
+/// Geometric factors of a pair of directions.
 ///
-/// With `(u, v, w) = -ωi - ωr` Stam's BRDF (2014 thesis, section 5 of the physics notes) is
-/// `f = k²F²G / (4π²A w²) · <|P(ku, kv)|²> = F² · gain · S / λ²`, where `S = <|P|²>/A` is the power density of `exp(ikwh)` at the spatial
-/// frequency `-(u, v)/λ`, whose integral over all frequencies is 1, and `gain = G/w²` is 1 in the mirror direction.
+/// With `(u, v, w) = -ωi - ωr`, Stam's BRDF is `f = k²F²G / (4π²A w²) · <|P(ku, kv)|²> = F² · gain · S / λ²` (2014
+/// thesis). `S = <|P|²>/A` is the power density of `exp(ikwh)` at the spatial frequency `-(u, v)/λ`, whose integral
+/// over all frequencies is 1. The `gain = G/w²` is 1 in the mirror direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair {
-    /// Components of `ωi + ωr` in the plane; divided by λ they are the spatial frequency whose order is seen.
+    /// Components of `ωi + ωr` in the plane; divided by λ they are the spatial frequency of the visible order.
     pub tangent: [f64; 2],
     /// `cos θi + cos θr`, which is -w.
     pub w: f64,
@@ -62,7 +62,7 @@ pub struct Pair {
 }
 
 impl Pair {
-    /// Of the directions towards the light and towards the eye.
+    /// Factors of the directions to the light and to the viewer.
     pub fn new(light: Direction, view: Direction) -> Self {
         let (w, dot) = (light.z + view.z, light.dot(view));
         Self {
@@ -73,8 +73,8 @@ impl Pair {
         }
     }
 
-    /// Stam's shadowing and masking for V grooves: the part of a facet that both the light and the eye see (1999 paper; Torrance and
-    /// Sparrow 1967).
+    /// Shadowing and masking of V grooves: the fraction of a facet that is both lit and visible (Stam 1999; Torrance
+    /// and Sparrow 1967).
     pub fn v_grooves(light: Direction, view: Direction) -> f64 {
         let pair = Self::new(light, view);
         let length = (pair.tangent[0].powi(2) + pair.tangent[1].powi(2) + pair.w * pair.w).sqrt();
@@ -86,22 +86,23 @@ impl Pair {
     }
 }
 
-/// A Gaussian coherence window.
+/// Gaussian coherence window.
 ///
-/// Its amplitude has the standard deviation σs = width/4 (2014 thesis, section 3.2.2: 4σs = 65 µm for sunlight), and its square is
-/// normalised. Seen over all places of the window on the repeated patch, the mean power density is the sum over the patch's frequencies
-/// of |c|² times a Gaussian of the standard deviation `1/(2√2 π σs)`: cross terms of two frequencies cancel in the mean.
+/// Its amplitude has the standard deviation σs = width/4 (2014 thesis, section 3.2.2: 4σs = 65 µm for sunlight), and
+/// its square is normalised. Averaged over all positions of the window on the repeated patch, the cross terms of two
+/// frequencies cancel. The mean power density is then the sum over the patch's frequencies of |c|² times a Gaussian of
+/// standard deviation `1/(2√2 π σs)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// Standard deviation in frequency, 1/µm.
+    /// Standard deviation in spatial frequency, in 1/µm.
     pub sigma: f64,
 }
 
 impl Window {
-    /// Of a width of four standard deviations, in µm.
+    /// Window of a width of four standard deviations, in µm.
     ///
     /// # Errors
-    /// `Input` for a width that makes no sense.
+    /// `Input` for a width out of range.
     pub fn new(coherence_um: f64) -> Result<Self> {
         if !(1.0..=1e4).contains(&coherence_um) {
             let problem = format!("is {coherence_um} µm");
@@ -110,19 +111,20 @@ impl Window {
         Ok(Self { sigma: 4.0 / (8_f64.sqrt() * std::f64::consts::PI * coherence_um) })
     }
 
-    /// Distance, in 1/µm, beyond which lies less than a part `error` of the window.
+    /// Radius in 1/µm outside of which less than a fraction `error` of the window lies.
     pub fn radius(&self, error: f64) -> f64 {
         self.sigma * (-2.0 * error.min(0.5).ln()).sqrt()
     }
 
-    /// Its largest value, µm².
+    /// Maximum, in µm².
     pub fn peak(&self) -> f64 {
         0.5 / (std::f64::consts::PI * self.sigma * self.sigma)
     }
 
-    /// Distance of evenly spaced wave numbers, in 1/µm, at which a sum over them is off by less than a part `error` of an order's light, for
-    /// directions whose tangent has this length: the trapezoid rule on a Gaussian of standard deviation σ is off by
-    /// `2 exp(-2π²σ²/step²)`.
+    /// Step of evenly spaced wave numbers in 1/µm for a relative error below `error` of an order's light, for
+    /// directions with this length of the tangent.
+    ///
+    /// The trapezoidal rule on a Gaussian of standard deviation σ has the error `2 exp(-2π²σ²/step²)`.
     pub fn step(&self, tangent: f64, error: f64) -> f64 {
         let sigma = self.sigma / tangent.max(1e-9);
         std::f64::consts::PI * sigma * (2.0 / (2.0 / error.min(0.5)).ln()).sqrt()

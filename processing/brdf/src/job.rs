@@ -1,4 +1,4 @@
-//! The whole job: a height field to a map, its picture and a report in a new folder.
+//! Operation: a height field to a map, its picture and a report in a new folder.
 
 use super::brdf::{Map, Views, map};
 use super::geometry::Window;
@@ -16,31 +16,31 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What a map is made of, and how.
+/// Options of a BRDF map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "BrdfOptions")]
 pub struct MapOptions {
-    /// Distance of two pixels of the height field in µm, unless its file says so.
+    /// Pixel pitch of the height field in µm, unless its file states it.
     pub pixel_um: Option<f64>,
-    /// Height of white above black in µm, unless the file says so.
+    /// Height of white above black in µm, unless the file states it.
     pub range_um: Option<f64>,
-    /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
+    /// Channel of a file with several: its name, or its number from 1 (default: the first height channel).
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub channel: Option<String>,
-    /// Largest share of gaps that are filled by interpolation, above 0 and at most 0.5; none are filled by default.
+    /// Largest fraction of gaps to fill by interpolation, above 0 and at most 0.5; by default none are filled.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub fill_gaps: Option<f64>,
-    /// Subtract the best-fitting plane, for samples that lay askew.
+    /// Subtract the best-fitting plane, for tilted samples.
     pub level: bool,
-    /// Pixels of a row and of a column of the map.
+    /// Pixels per side of the map, 8 to 4096.
     pub size: usize,
-    /// Magnification: 4 shows a square of a quarter of the sines, to look at single orders.
+    /// Magnification: 4 shows a square of a quarter of the sines, for single orders.
     #[schemars(extend("x-advanced" = true))]
     pub zoom: f64,
-    /// Middle of the map as sines, sin θ (cos φ, sin φ).
+    /// Centre of the map as sines, sin θ (cos φ, sin φ).
     #[schemars(extend("x-advanced" = true, "x-placeholder" = "X,Y"))]
     pub center: [f64; 2],
     /// Light, material, accuracy.
@@ -64,15 +64,15 @@ impl Default for MapOptions {
     }
 }
 
-/// What a map's report adds.
+/// Report fields of a map.
 #[derive(Serialize, JsonSchema)]
 #[schemars(rename = "BrdfMapReport")]
 pub struct MapReport {
-    /// Pixels of a row and of a column.
+    /// Pixels per side.
     pub width: usize,
-    /// Light in the map's directions, over what falls in, in X, Y, Z.
+    /// Reflected fraction of the light within the map's directions, in X, Y, Z.
     pub albedo: [f64; 3],
-    /// Densities that were summed up.
+    /// Number of evaluated densities.
     pub densities: f64,
 }
 
@@ -101,11 +101,11 @@ impl Operation for MapOptions {
         self.settings.check()?;
         self.views().check()?;
         self.scale().check()?;
-        // Files that are no images hold 16 Mpixel at most.
+        // Files other than images hold at most 16 Mpixel.
         budget::Operation::Heights.check_file(&file(input)?)
     }
 
-    /// Makes a map of the height field that `input` is, or is the only one in: `brdf.exr` and `brdf.png`.
+    /// Makes a map of the height field `input`, or of the only one in this folder: `brdf.exr` and `brdf.png`.
     fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report<MapReport>> {
         let path = file(input)?;
         let (map, report) = self.map(&path, progress)?;
@@ -125,10 +125,10 @@ impl Operation for MapOptions {
 }
 
 impl MapOptions {
-    /// The map of a height field, and its report without names of files.
+    /// Computes the map of a height field, and its report without file names.
     ///
     /// # Errors
-    /// `Input` for a file that is no height field, and options that cannot be used.
+    /// `Input` for a file that is not a height field, and for invalid options.
     pub fn map(&self, height: &Path, progress: &dyn Progress) -> Result<(Map, Report<MapReport>)> {
         let begun = Instant::now();
         progress.stage("reading", 1);
@@ -167,7 +167,7 @@ impl Summary for Report<MapReport> {
     }
 }
 
-/// The height field: the input, `height.exr` in it, or the only file in it that can hold one.
+/// Height field: the input, `height.exr` in it, or the only file in it that can be one.
 fn file(input: &Path) -> Result<PathBuf> {
     if !input.is_dir() {
         return Ok(input.to_owned());
@@ -192,7 +192,7 @@ fn file(input: &Path) -> Result<PathBuf> {
     }
 }
 
-/// What a map's report adds, and what the reader must know: what its pixels cannot show, and what scalar theory adds.
+/// Report fields of a map, and warnings about its pixels and the limits of scalar theory.
 fn about_map(map: &Map, quality: &Quality, window: Window) -> (MapReport, Vec<String>) {
     let about = MapReport { width: map.size, albedo: albedo(map), densities: map.densities };
     let needed = needed_size(window.sigma, map.views);

@@ -1,24 +1,24 @@
-//! Surfaces of a single period: their orders lie on one line, at multiples of one frequency.
+//! Surfaces of a single period, whose orders lie on one line at multiples of one frequency.
 
 use super::bank::Relief;
 use super::transform::Plan;
 use nacre_base::{Error, Result};
 use serde::Serialize;
 
-/// Part of the heights' variance that may lie elsewhere.
+/// Largest fraction of the height variance at other frequencies.
 const ELSEWHERE: f64 = 1e-3;
 
 /// Frequencies of a single grating.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Lattice {
-    /// Cycles per patch of the first order.
+    /// First order, in cycles per patch.
     pub base: [isize; 2],
-    /// The same in 1/µm.
+    /// First order, in 1/µm.
     pub frequency: [f64; 2],
 }
 
 impl Lattice {
-    /// Finds the one period of a patch, which must hold a whole number of them.
+    /// Finds the single period of a patch with a whole number of periods.
     ///
     /// # Errors
     /// `Input` for patches with several periods, or none.
@@ -39,7 +39,7 @@ impl Lattice {
             return Err(refuse("needs a surface with a period, and this one is flat".into()));
         }
         peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
-        // The greatest common measure of all frequencies that matter.
+        // Greatest common divisor of all significant frequencies.
         let (mut base, mut kept) = ([0_isize; 2], 0.0);
         for (at, power) in &peaks {
             if kept >= (1.0 - ELSEWHERE) * all {
@@ -52,7 +52,8 @@ impl Lattice {
         let frequency = [base[0] as f64 / size[0], base[1] as f64 / size[1]];
         let first = peaks.first().map_or(0.0, |(at, _)| (at[0] as f64 / size[0]).hypot(at[1] as f64 / size[1]));
         let ratio = first / frequency[0].hypot(frequency[1]);
-        // The strongest frequency of one grating is its first few orders; of several periods the common measure is far below it.
+        // The strongest frequency of one grating is among its first few orders. For several periods the common divisor
+        // is far below it.
         if ratio > 4.5 {
             let problem = format!(
                 "needs a single period, but the patch mixes several: their common one, {:.2} µm, is {ratio:.0} times the strongest",
@@ -63,7 +64,8 @@ impl Lattice {
         Ok(Self { base, frequency })
     }
 
-    /// That of orders which lie on one line, apart from each other by more than twice `radius` (1/µm), if there are any but the zeroth.
+    /// Lattice of orders on one line that are more than twice `radius` (1/µm) apart; `None` otherwise, or for the zero
+    /// order alone.
     pub(super) fn of(mut orders: impl Iterator<Item = [isize; 2]>, size_um: [f64; 2], radius: f64) -> Option<Self> {
         let base = orders.try_fold([0; 2], |base, at| if at == [0; 2] { Some(base) } else { measure(base, at) })?;
         let frequency = [base[0] as f64 / size_um[0], base[1] as f64 / size_um[1]];
@@ -77,8 +79,8 @@ impl Lattice {
         [m * bx, m * by] == [ix, iy]
     }
 
-    /// Ranges of wave numbers (1/µm) at which an order lies within `radius` of the direction with this tangent, for orders up to what the
-    /// wave numbers reach; those of order 0 are the whole spectrum near the mirror direction.
+    /// Ranges of wave numbers (1/µm) at which an order lies within `radius` of the direction with this tangent. Near
+    /// the mirror direction, order 0 takes the whole spectrum.
     pub(super) fn ranges(&self, tangent: [f64; 2], numbers: [f64; 2], radius: f64) -> Vec<[f64; 2]> {
         let length = self.frequency[0].hypot(self.frequency[1]);
         let unit = self.frequency.map(|f| f / length);
@@ -101,13 +103,13 @@ impl Lattice {
                 (low <= high).then_some([low, high])
             })
             .collect();
-        // Orders rise where wave numbers fall, towards the other side.
+        // On the opposite side, wave numbers fall as orders rise.
         all.sort_by(|a, b| a[0].total_cmp(&b[0]));
         all
     }
 }
 
-/// The greatest common measure of two frequencies on one line; none where they are not on one.
+/// Greatest common divisor of two collinear frequencies; `None` if they are not collinear.
 fn measure(a: [isize; 2], b: [isize; 2]) -> Option<[isize; 2]> {
     if a[0] * b[1] != a[1] * b[0] {
         return None;
@@ -129,7 +131,7 @@ fn measure(a: [isize; 2], b: [isize; 2]) -> Option<[isize; 2]> {
     Some(upright([unit[0] * common, unit[1] * common]))
 }
 
-/// Of a frequency and its opposite the one to the right, or else up.
+/// Of a frequency and its opposite, the one to the right, or else up.
 fn upright([x, y]: [isize; 2]) -> [isize; 2] {
     if x < 0 || (x == 0 && y < 0) { [-x, -y] } else { [x, y] }
 }

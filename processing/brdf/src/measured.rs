@@ -1,14 +1,15 @@
-//! What a method is off by, against direct sums.
+//! Measured error of a method, compared with direct sums.
 
 use super::engine::{Memory, Model, Request};
 use super::height::HeightField;
 use super::reference::Reference;
 use super::settings::{FAINTEST, Method};
 
-/// Places that are compared at one q.
+/// Number of points per value of q.
 const GROUP: usize = 8;
 
-/// Largest difference from direct sums at some places near to lobes, relative to what is there, or to a lobe of a thousandth of the light.
+/// Largest difference from direct sums at some points near lobes, relative to the density there or to a lobe with 0.1 %
+/// of the light.
 pub(super) fn measured(field: &HeightField, model: &Model, request: &Request, method: Method) -> Option<f64> {
     // Windows of other shapes are not comparable.
     if matches!(method, Method::Pq | Method::PqLinear) {
@@ -25,12 +26,12 @@ pub(super) fn measured(field: &HeightField, model: &Model, request: &Request, me
         let q = request.q[0] + (request.q[1] - request.q[0]) * ratio(group + 1, 0.754_877_666_2);
         let bright = brightest(model, request, size, q, &mut memory);
         let place = |k: usize| {
-            // Three of four at the strongest frequencies, the others anywhere; a little off their middle.
+            // Three of four points at the strongest frequencies, the others anywhere, slightly off-centre.
             let anywhere = [0, 1].map(|axis| {
                 let bins = (request.frequency[axis] * size[axis]).floor();
                 ((2.0 * ratio(k + 1, [0.569_840_291, 0.618_033_989][axis]) - 1.0) * bins).round() / size[axis]
             });
-            // Corners that no pair of directions reaches are moved to where one does.
+            // Corners that no pair of directions reaches are moved inwards.
             let within = (request.length / anywhere[0].hypot(anywhere[1]).max(1e-9)).min(1.0);
             let anywhere = if within < 1.0 {
                 [0, 1].map(|axis| (within * anywhere[axis] * size[axis]).trunc() / size[axis])
@@ -50,7 +51,7 @@ pub(super) fn measured(field: &HeightField, model: &Model, request: &Request, me
     Some(worst)
 }
 
-/// The brightest places of a coarse look at the frequencies of a patch.
+/// Brightest points on a coarse grid of a patch's frequencies.
 fn brightest(model: &Model, request: &Request, size: [f64; 2], q: f64, memory: &mut Memory) -> Vec<[f64; 2]> {
     let bins = [0, 1].map(|axis| ((request.frequency[axis] * size[axis]) as isize).min(24));
     let mut all = vec![];

@@ -1,5 +1,5 @@
-//! Orders of gratings of one dimension, exactly: `|c_m|²` of the Fourier series of `exp(-iqh)` (2018 paper, section 3.2, whose second-order
-//! Taylor lobes are kept to be charted).
+//! Exact order efficiencies of one-dimensional gratings: `|c_m|²` of the Fourier series of `exp(-iqh)` (2018 paper,
+//! section 3.2). The paper's second-order Taylor lobes are included for comparison.
 
 use super::expansion::bessel;
 use super::height::Profile;
@@ -10,43 +10,45 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// Largest cross-section that is read, in bytes, and most points of it.
+/// Largest cross-section file in bytes, and largest number of its points.
 const MAX_BYTES: u64 = 4 << 20;
 const MAX_POINTS: usize = 100_000;
 
-/// Places at which slopes are looked at.
+/// Number of positions at which slopes are evaluated.
 const SLOPES: u32 = 4096;
 
-/// A cross-section over one period.
+/// Cross-section over one period.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Section {
-    /// A formula, from 0 to `depth_um`.
+    /// Formula, from 0 to `depth_um`.
     Formula {
-        /// Its shape.
+        /// Shape of the profile.
         profile: Profile,
-        /// From the lowest to the highest point, in µm.
+        /// Peak-to-peak depth in µm.
         depth_um: f64,
     },
-    /// Straight lines through places (0 to 1 period, rising) and heights in µm; it closes from the last to the first.
+    /// Piecewise linear profile: positions (0 to 1 period, increasing) and heights in µm, closed from the last to the
+    /// first.
     Lines(Vec<[f64; 2]>),
 }
 
-/// How orders are computed.
+/// Computation of order efficiencies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OrderMethod {
-    /// `|c_m|²`: exact, and adds up to 1.
+    /// `|c_m|²`: exact, with a sum of 1.
     #[default]
     Exact,
-    /// `exp(-iqh)` as `1 - iqh - (qh)²/2` (2018 paper, Eq. 2): for sinusoids of a few tens of nm only; adds up to more than 1.
+    /// `exp(-iqh)` as `1 - iqh - (qh)²/2` (2018 paper, Eq. 2), for sinusoids of a few tens of nm only; the sum exceeds
+    /// 1.
     Taylor2,
 }
 
 impl Section {
-    /// Reads a cross-section: rows `x_um,height_um`, evenly spaced or not, over one period.
+    /// Reads a cross-section from rows `x_um,height_um` over one period, evenly spaced or not.
     ///
     /// # Errors
-    /// `Input` for what is none.
+    /// `Input` for a file that is not a cross-section.
     pub fn read(path: &Path, period_um: f64) -> Result<Self> {
         let remedy = "give a CSV file with rows \"x_um,height_um\" over one period, x rising";
         let bad = |problem: String| Error::file(path, problem, remedy);
@@ -78,7 +80,7 @@ impl Section {
         Ok(Self::Lines(points))
     }
 
-    /// From the lowest to the highest point, in µm.
+    /// Peak-to-peak depth in µm.
     pub fn depth_um(&self) -> f64 {
         match self {
             Self::Formula { depth_um, .. } => *depth_um,
@@ -90,7 +92,7 @@ impl Section {
         }
     }
 
-    /// Height in µm at a place, in periods from 0 to 1.
+    /// Height in µm at a position of 0 to 1 periods.
     fn height(&self, t: f64) -> f64 {
         match self {
             Self::Formula { profile: Profile::Sinusoid, depth_um } => 0.5 * depth_um * (1.0 + (TAU * t).cos()),
@@ -106,7 +108,8 @@ impl Section {
         }
     }
 
-    /// Mean square slope, from heights that are `apart_um` apart, so that a wall has a finite one: for a period in µm.
+    /// Mean square slope for a period in µm, from heights at a distance of `apart_um`, so that a wall has a finite
+    /// slope.
     pub fn mean_square_slope(&self, period_um: f64, apart_um: f64) -> f64 {
         let apart = apart_um / period_um;
         let places = (0..SLOPES).map(|k| (f64::from(k) + 0.5) / f64::from(SLOPES));
@@ -122,7 +125,7 @@ impl Section {
                 let mut j = vec![0.0; most + 1];
                 bessel(0.5 * q * depth_um, &mut j);
                 let turn = Complex64::from_polar(1.0, -0.5 * q * depth_um);
-                // Jacobi and Anger: exp(-iX cos) = Σ (-i)^m J_m exp(im·).
+                // Jacobi-Anger expansion: exp(-iX cos) = Σ (-i)^m J_m exp(im·).
                 orders.map(|m| turn * Complex64::new(0.0, -1.0).powi(m.abs()) * j[m.unsigned_abs() as usize]).collect()
             }
             Self::Formula { profile: Profile::Blazed, depth_um } => {
@@ -140,10 +143,10 @@ impl Section {
         }
     }
 
-    /// Power of each order `-most..=most`.
+    /// Efficiencies of the orders `-most..=most`.
     ///
     /// # Errors
-    /// `Input` where the paper's Taylor lobes were asked for a profile that is no sinusoid.
+    /// `Input` if the Taylor lobes are requested for a profile other than a sinusoid.
     pub fn efficiencies(&self, q: f64, most: usize, method: OrderMethod) -> Result<Vec<f64>> {
         match (method, self) {
             (OrderMethod::Exact, _) => Ok(self.amplitudes(q, most).iter().map(|c| c.norm_sqr()).collect()),
@@ -169,12 +172,12 @@ fn segment([t0, h0]: [f64; 2], [t1, h1]: [f64; 2], q: f64, m: i32) -> Complex64 
     let turn = |t: f64, h: f64| q * h + TAU * f64::from(m) * t;
     let (a, b) = (turn(t0, h0), turn(t1, h1));
     let half = 0.5 * (b - a);
-    // The mean of exp over an even turn is sin x / x at its middle.
+    // The mean of exp over a linear phase is sin x / x times exp at its middle.
     let sinc = if half.abs() < 1e-8 { 1.0 - half * half / 6.0 } else { half.sin() / half };
     Complex64::from_polar((t1 - t0) * sinc, -0.5 * (a + b))
 }
 
-/// Orders whose power can matter at a depth: beyond, `J_m(X)` vanishes; profiles with edges fall as 1/m².
+/// Largest significant order for a depth. Beyond, `J_m(X)` vanishes; profiles with edges fall off as 1/m².
 pub fn most_orders(q: f64, depth_um: f64) -> usize {
     let x = 0.5 * q * depth_um;
     (x + 20.0 + 6.0 * x.cbrt()).ceil() as usize
@@ -206,7 +209,7 @@ mod tests {
 
     #[test]
     fn the_papers_taylor_lobes_gain_light() {
-        // The notes: 1.12, 2.86 and 30.8 times the incident light.
+        // Physics notes: 1.12, 2.86 and 30.8 times the incident light.
         for (depth, truth) in [(0.05, 1.12), (0.1, 2.86), (0.2, 30.8)] {
             let q = 2.0 * TAU / 0.55;
             let sum: f64 =
@@ -250,7 +253,7 @@ mod tests {
 
     #[test]
     fn a_blaze_of_half_a_wavelength_puts_all_light_into_one_order() {
-        // q d = 2π: the order -1 takes all, on the side that the facets face.
+        // q d = 2π: the order -1, on the side that the facets face, has all the light.
         let all = formula(Profile::Blazed, 0.25).efficiencies(TAU / 0.25, 3, OrderMethod::Exact).unwrap();
         assert!((all[2] - 1.0).abs() < 1e-12 && all.iter().sum::<f64>() < 1.0 + 1e-9, "{all:?}");
     }
@@ -277,7 +280,7 @@ mod tests {
         assert_eq!(Section::read(&path, 2.0).unwrap(), Section::Lines(vec![[0.0, 0.0], [0.5, 0.25]]));
     }
 
-    /// Closed forms; a wall is as steep as it is over the distance that is looked at.
+    /// Closed forms; the slope of a wall is finite, because heights have a finite distance.
     #[test]
     fn slopes_are_those_of_the_formulas() {
         let of = |profile| Section::Formula { profile, depth_um: 0.2 }.mean_square_slope(2.0, 0.05);

@@ -1,4 +1,4 @@
-//! Results as files: maps with their pictures, tables, reports. Each appears whole or not at all.
+//! Output files: maps with pictures, tables, reports. All are written atomically.
 
 use super::brdf::{Map, Slice, Views};
 use super::check::GratingCheck;
@@ -11,17 +11,18 @@ use nacre_optics::color::displayed_codes;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Colour of directions below the surface, and brightness of the picture's reference, of white before it is compressed.
+/// Colour of directions below the surface, and reference brightness of the picture relative to white before
+/// compression.
 const BELOW: [u8; 3] = [58, 58, 66];
 const KEY: f32 = 0.6;
 
-/// Rows of a table, at most.
+/// Largest number of rows of a table.
 const MOST_ROWS: usize = 20_000_000;
 
 /// Writes a map as an EXR (X, Y, Z).
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn write_map(path: &Path, map: &Map, settings: &Settings) -> Result<()> {
     let units = match settings.normalisation {
         Normalisation::Brdf => "X Y Z of the BRDF in 1/sr; a BRDF of 1 at all wavelengths has Y = 1",
@@ -46,15 +47,15 @@ pub fn write_map(path: &Path, map: &Map, settings: &Settings) -> Result<()> {
     })
 }
 
-/// Writes a map as a picture (sRGB, PNG): half of what shines, counted by light, is darker than 0.6 of white, and brighter ones are
-/// compressed.
+/// Writes a map as a picture (sRGB, PNG). The exposure puts the 90th percentile of lit directions at 0.6 of white;
+/// brighter values are compressed.
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn write_picture(path: &Path, map: &Map) -> Result<()> {
     let mut light: Vec<f32> = map.xyz.iter().map(|v| v[1]).filter(|y| *y > 0.0).collect();
     light.sort_by(f32::total_cmp);
-    // The mirror direction outshines all orders: where the orders' light is, as they are spread, tells the exposure.
+    // The mirror direction outshines all orders, so the exposure follows from the distribution of the light.
     let most = light.last().copied().unwrap_or(1.0);
     let shining: Vec<f32> = light.iter().copied().filter(|y| *y > 1e-5 * most).collect();
     let scale = KEY / shining.get(shining.len() * 9 / 10).map_or(1.0, |y| y.max(f32::MIN_POSITIVE));
@@ -66,14 +67,15 @@ pub fn write_picture(path: &Path, map: &Map) -> Result<()> {
     write_whole(path, &encoded)
 }
 
-/// Part of the directions whose light is narrower than a pixel: a lobe of the coherence window has the standard deviation λσ, 380 nm the
-/// narrowest.
+/// Size of a map whose pixels resolve the lobes. A lobe of the coherence window has the standard deviation λσ, smallest
+/// at 380 nm.
 pub fn needed_size(sigma: f64, views: Views) -> usize {
-    // Two pixels per standard deviation would be ample; one tells lobes apart and loses none.
+    // One pixel per standard deviation separates lobes and loses none; two would be ample.
     (views.half / (0.38 * sigma)).ceil() as usize
 }
 
-/// Light of a map in its directions, `∫ f cos θ dω` in X, Y, Z: of all directions, the albedo in the illuminant's colours.
+/// Reflected light within a map, `∫ f cos θ dω`, in X, Y, Z; for all directions, the albedo in the illuminant's
+/// colours.
 pub fn albedo(map: &Map) -> [f64; 3] {
     let area = (2.0 * map.views.half / map.size as f64).powi(2);
     let mut sum = [0.0; 3];
@@ -85,10 +87,10 @@ pub fn albedo(map: &Map) -> [f64; 3] {
     sum
 }
 
-/// A slice as a table: `wavelength_nm,theta_r_deg,reflectance`.
+/// Writes a slice as a table: `wavelength_nm,theta_r_deg,reflectance`.
 ///
 /// # Errors
-/// `Input` for more rows than anyone can use; `Output` when the system refuses.
+/// `Input` for too many rows; `Output` if the system refuses.
 pub fn write_slice(path: &Path, slice: &Slice) -> Result<()> {
     check_rows(slice.values.len())?;
     let mut csv = String::from("wavelength_nm,theta_r_deg,reflectance\n");
@@ -100,7 +102,7 @@ pub fn write_slice(path: &Path, slice: &Slice) -> Result<()> {
     write_whole(path, csv.as_bytes())
 }
 
-/// Refuses tables that are too long.
+/// Checks the number of rows of a table.
 ///
 /// # Errors
 /// `Input` for more than 20 million rows.
@@ -116,10 +118,10 @@ pub fn check_rows(rows: usize) -> Result<()> {
     Ok(())
 }
 
-/// The peaks of a check as a table: `wavelength_nm,theta_r_deg,period_nm,relative`.
+/// Writes the peaks of a check as a table: `wavelength_nm,theta_r_deg,period_nm,relative`.
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn write_check(path: &Path, check: &GratingCheck) -> Result<()> {
     let mut csv = String::from("wavelength_nm,theta_r_deg,period_nm,relative\n");
     for p in &check.peaks {
@@ -128,18 +130,19 @@ pub fn write_check(path: &Path, check: &GratingCheck) -> Result<()> {
     write_whole(path, csv.as_bytes())
 }
 
-/// A picture of the peaks of a check (SVG) beside the grating equation.
+/// Writes a picture (SVG) of the peaks of a check with the grating equation.
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn write_check_picture(path: &Path, check: &GratingCheck) -> Result<()> {
     write_whole(path, peaks_picture(check).as_bytes())
 }
 
-/// Writes a height field as an EXR map (`height` in µm, attribute `pixel_um`) and, if a path is given, as a picture, with a scale bar or without.
+/// Writes a height field as an EXR map (`height` in µm, attribute `pixel_um`), and as a picture if a path is given,
+/// optionally with a scale bar.
 ///
 /// # Errors
-/// `Output` when the system refuses.
+/// `Output` if the system refuses.
 pub fn write_height(path: &Path, picture: Option<(&Path, bool)>, field: &HeightField) -> Result<()> {
     let attributes = [("units", Attribute::Text("µm".into())), ("pixel_um", Attribute::Number(field.pixel_um))];
     let (w, h) = (field.width, field.height);

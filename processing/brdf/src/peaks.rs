@@ -1,4 +1,4 @@
-//! The picture of a check by the grating equation: where lobes peak, and where they should.
+//! Picture of a check by the grating equation: measured and expected peaks.
 
 use crate::GratingCheck;
 use nacre_plot::Scale;
@@ -8,14 +8,15 @@ use nacre_plot::svg::{Anchor, Area, Axes, Ruler, Svg, fill};
 const DOT: &str = "fill=\"#0072b2\"";
 const TRUTH: &str = "fill=\"none\" stroke=\"#d55e00\" stroke-width=\"1.6\"";
 
-/// An SVG of 1000 × 420 units of the peaks of a [`GratingCheck`]: on the left their angles over the wavelength (nm, degrees), with the
-/// line `sin θr = λ/a - sin θi` of the period a that was expected; on the right the periods that the equation gives for them, in nm (2014
-/// thesis, section 5.3).
+/// SVG of 1000 × 420 units of the peaks of a [`GratingCheck`] (2014 thesis, section 5.3).
+///
+/// On the left, angles in degrees over the wavelength in nm, with the line `sin θr = λ/a - sin θi` for the expected
+/// period a. On the right, the periods in nm from the grating equation.
 pub fn peaks_picture(check: &GratingCheck) -> String {
     let mut svg = Svg::new(1000.0, 420.0);
     let peaks = &check.peaks;
     let wavelengths = || peaks.iter().map(|p| p.wavelength_nm);
-    // Every peak tells the sine of the light's angle; they agree by the periods' definition.
+    // Every peak gives the sine of the light's angle; all agree by definition of the periods.
     let light = peaks.first().map_or(0.0, |p| p.wavelength_nm / p.period_nm - p.theta_r_deg.to_radians().sin());
     let truth = |nm: f64| (nm / check.expected_nm - light).asin().to_degrees();
     let low = wavelengths().fold(f64::INFINITY, f64::min);
@@ -35,7 +36,7 @@ pub fn peaks_picture(check: &GratingCheck) -> String {
 
     let area = Area::new(580.0, 50.0, 390.0, 300.0);
     let x = Ruler::covering(Scale::Linear, wavelengths(), area.x, area.x + area.w);
-    // A thousandth at least, so that rounding does not fill the picture.
+    // A margin of at least 0.1 %, so that rounding errors do not fill the picture.
     let around = [0.999, 1.001].map(|part| part * check.expected_nm);
     let periods = peaks.iter().map(|p| p.period_nm).chain(around);
     let y = Ruler::covering(Scale::Linear, periods, area.y + area.h, area.y);
@@ -72,7 +73,7 @@ mod tests {
             check(&field, &quality, &settings, &[400.0, 500.0, 600.0], [Some(2.5), Some(0.0)], &Silent).unwrap();
         let svg = peaks_picture(&found);
         assert!(png_from_svg(&svg, 1.0).is_ok());
-        // Each dot of the left panel is as high as the line at its wavelength, to a unit.
+        // Each dot of the left panel is at the height of the line at its wavelength, within one unit.
         let numbers = |text: &str| -> Vec<f64> {
             text.split(|c: char| !(c.is_ascii_digit() || c == '.')).filter_map(|n| n.parse().ok()).collect()
         };

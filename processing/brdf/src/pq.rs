@@ -1,17 +1,19 @@
-//! Whole repetitions of a patch under an even window (2014 thesis, section 3.6, with its errors mended).
+//! Whole repetitions of a patch under an even window (2014 thesis, section 3.6, corrected).
 //!
-//! The transform of N+1 repetitions is that of one, times `Σ exp(-iwnT)`. The thesis' p and q are 0/0 exactly on the peaks; Dirichlet's
-//! kernel `sin((N+1)wT/2)/sin(wT/2)` has the limit N+1 there, and its argument is reduced first. Intensities are scaled by p² + q², which
-//! is its square. Between the frequencies of one patch its transform is interpolated: exactly by all of them with
-//! `sin(πδL)/(n sin(πδp))`, here by the nearest; or linearly.
+//! The transform of N+1 repetitions is that of one, times `Σ exp(-iwnT)`. The thesis' p and q are 0/0 exactly at the
+//! peaks. Dirichlet's kernel `sin((N+1)wT/2)/sin(wT/2)` has the limit N+1 there; its argument is reduced first.
+//! Intensities are scaled by p² + q², its square.
+//!
+//! Between the frequencies of one patch, its transform is interpolated. This is exact with all of them and the kernel
+//! `sin(πδL)/(n sin(πδp))`; here it uses the nearest, or is linear.
 
 use super::bank::{Bank, Scratch};
 use std::f64::consts::PI;
 
-/// Frequencies to either side that interpolate.
+/// Number of frequencies to either side for the interpolation.
 const NEAREST: isize = 4;
 
-/// Densities of a repeated patch.
+/// Power densities of a repeated patch.
 pub(super) struct Pq {
     pub bank: Bank<f64>,
     pub pixels: [usize; 2],
@@ -21,19 +23,19 @@ pub(super) struct Pq {
     pub linear: bool,
 }
 
-/// Repetitions that come next to the coherence length.
+/// Numbers of repetitions next to the coherence length.
 pub(super) fn repeats(size_um: [f64; 2], coherence_um: f64) -> [usize; 2] {
     size_um.map(|um| ((coherence_um / um).round() as usize).max(1))
 }
 
-/// Largest relative error of lobes as strong as their neighbours that interpolation leaves: within a lobe the amplitudes of neighbours
-/// weigh 1/N over their distance. Lobes that are fainter by a factor suffer the more by its root.
+/// Largest relative interpolation error of lobes as strong as their neighbours. Within a lobe, neighbouring amplitudes
+/// have the weight 1/N over their distance. For fainter lobes, the error grows with the root of the ratio.
 pub(super) fn interpolation_error(repeats: [usize; 2], linear: bool) -> f64 {
     let worst = |n: usize| if linear { 2.0 / n as f64 } else { 2.0 / (n as f64 * (NEAREST + 1) as f64) };
     worst(repeats[0]) + worst(repeats[1])
 }
 
-/// `sin(πnx)/sin(πx)`, stable at whole x, where it is ±n.
+/// `sin(πnx)/sin(πx)`, stable at integers x, where it is ±n.
 pub(super) fn dirichlet(n: usize, x: f64) -> f64 {
     let whole = x.round();
     let rest = x - whole;
@@ -46,7 +48,7 @@ pub(super) fn dirichlet(n: usize, x: f64) -> f64 {
 }
 
 impl Pq {
-    /// Area of all repetitions, µm²: the density of a mirror at its peak.
+    /// Area of all repetitions in µm²: the power density of a mirror at its peak.
     pub(super) fn area_um2(&self) -> f64 {
         (0..2).map(|k| self.size_um[k] * self.repeats[k] as f64).product()
     }
@@ -64,13 +66,13 @@ impl Pq {
                 sum = [sum[0] + part[0], sum[1] + part[1]];
             }
         }
-        // |p + iq|² over the number of repetitions, which are all of the light.
+        // |p + iq|² over the number of repetitions, which share the light.
         let gain: f64 =
             (0..2).map(|k| dirichlet(self.repeats[k], cycles[k]).powi(2) / self.repeats[k] as f64).product();
         self.size_um[0] * self.size_um[1] * gain * (sum[0] * sum[0] + sum[1] * sum[1])
     }
 
-    /// Frequencies along an axis and their weights at a place, in cycles per patch.
+    /// Frequencies along an axis, in cycles per patch, and their weights at a position.
     fn axis(&self, axis: usize, cycles: f64) -> Vec<(isize, [f64; 2])> {
         let n = self.pixels[axis];
         if n == 1 {

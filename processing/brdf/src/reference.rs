@@ -1,4 +1,4 @@
-//! The truth that the methods are measured by: `exp(-iqh)` of every pixel, and direct sums, in double precision.
+//! Reference for all methods: direct sums of `exp(-iqh)` over all pixels, in double precision.
 
 use super::geometry::Window;
 use super::height::HeightField;
@@ -7,16 +7,16 @@ use pulp::Arch;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Part of the window that is left out.
+/// Fraction of the window that is truncated.
 const OUTSIDE: f64 = 1e-9;
 
-/// Rows that are summed up together.
+/// Number of rows per partial sum.
 const ROWS: usize = 64;
 
-/// Numbers that are added at once.
+/// Number of values that are added at once.
 const LANES: usize = 8;
 
-/// A patch for direct sums.
+/// Patch for direct sums.
 pub(super) struct Reference<'a> {
     field: &'a HeightField,
 }
@@ -26,13 +26,13 @@ impl<'a> Reference<'a> {
         Self { field }
     }
 
-    /// Power density in µm² at a spatial frequency in 1/µm, for `q = k (cos θi + cos θr)` in 1/µm: all of the patch's frequencies under the
-    /// window, of which none is beyond half a cycle per pixel.
+    /// Power density in µm² at a spatial frequency in 1/µm, for `q = k (cos θi + cos θr)` in 1/µm. It includes all of
+    /// the patch's frequencies under the window, up to half a cycle per pixel.
     pub(super) fn density(&self, place: [f64; 2], q: f64, window: Window) -> f64 {
         self.densities(&[place], q, window)[0]
     }
 
-    /// The same at several places, whose waves share the heights' phases.
+    /// Power densities at several frequencies, whose waves share the phases of the heights.
     pub(super) fn densities(&self, places: &[[f64; 2]], q: f64, window: Window) -> Vec<f64> {
         let radius = window.radius(OUTSIDE);
         let [width, height] = self.field.size_um();
@@ -55,8 +55,8 @@ impl<'a> Reference<'a> {
         places.iter().zip(&near).zip(&all).map(density).collect()
     }
 
-    /// `1/N Σ exp(-iqh) exp(-2πi (fx x + fy y))` of rectangles of frequencies, `fx = ix/width` for all columns and `fy = iy/height` for all
-    /// rows, y up, row by row.
+    /// Amplitudes `1/N Σ exp(-iqh) exp(-2πi (fx x + fy y))` of rectangles of frequencies, `fx = ix/width` for all
+    /// columns and `fy = iy/height` for all rows, y up, row by row.
     pub(super) fn amplitudes(&self, q: f64, near: &[[Vec<i64>; 2]]) -> Vec<Vec<Complex64>> {
         let (w, h) = (self.field.width, self.field.height);
         let turn = |k: i64, at: usize, n: usize| {
@@ -71,7 +71,7 @@ impl<'a> Reference<'a> {
         let add = |mut all: Vec<Vec<Complex64>>, (y, heights): (usize, &[f64])| {
             let line = Split::new(heights.iter().map(|h| Complex64::from_polar(1.0, -q * h)));
             for ((out, waves), [columns, rows]) in all.iter_mut().zip(&across).zip(near) {
-                // Rows count downwards, frequencies up.
+                // Rows count downwards, frequencies upwards.
                 let down: Vec<Complex64> = rows.iter().map(|iy| turn(-iy, y, h)).collect();
                 for (k, wave) in waves.iter().enumerate() {
                     let sum = line.dot(wave);
@@ -84,7 +84,7 @@ impl<'a> Reference<'a> {
             all.iter_mut().flatten().zip(more.iter().flatten()).for_each(|(a, b)| *a += b);
             all
         };
-        // Pieces of one size, so that a sum is the same on any number of cores.
+        // Pieces of equal size, so that sums are the same on any number of cores.
         let pieces: Vec<Vec<Vec<Complex64>>> = (self.field.um.par_chunks(w * ROWS).enumerate())
             .map(|(k, piece)| {
                 piece.chunks_exact(w).enumerate().map(|(y, row)| (k * ROWS + y, row)).fold(nothing(), add)
@@ -97,7 +97,7 @@ impl<'a> Reference<'a> {
     }
 }
 
-/// Complex numbers as two rows, whose sums of products fill the processor's vectors.
+/// Complex numbers as two rows, for vectorised sums of products.
 struct Split {
     re: Vec<f64>,
     im: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Report of a product, in words and numbers.
+//! Report of a product, as text and data.
 
 use super::choose::{Choice, name};
 use super::height::Quality;
@@ -11,43 +11,43 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// What was computed, how, and how good it is.
+/// Report of a product: input, method and errors.
 #[derive(Serialize, JsonSchema)]
 #[schemars(rename = "BrdfReport")]
 pub struct Report<T: Serialize> {
-    /// The product.
+    /// Name of the product.
     pub product: &'static str,
-    /// What the reader must know before trusting the result.
+    /// Warnings about the result.
     pub warnings: Vec<String>,
-    /// Height field.
+    /// File of the height field.
     pub input: PathBuf,
-    /// What it holds.
+    /// Quality of the height field.
     pub quality: Quality,
-    /// What was asked for.
+    /// Requested settings.
     pub settings: Settings,
-    /// How densities were computed.
+    /// Method of computation.
     pub choice: Choice,
-    /// Largest relative error of lobes with a thousandth of the light.
+    /// Largest relative error of lobes with at least 0.1 % of the light.
     pub error_estimate: f64,
-    /// What is of this product only.
+    /// Fields of this product only.
     #[serde(flatten)]
     pub more: T,
     /// Time in s.
     pub seconds: f64,
-    /// Files that were written.
+    /// Written files.
     pub files: Vec<PathBuf>,
 }
 
 impl<T: Serialize> Report<T> {
-    /// Writes it to its place.
+    /// Writes the report to a file.
     ///
     /// # Errors
-    /// `Output` when the system refuses.
+    /// `Output` if the system refuses.
     pub fn write(&self, path: &Path) -> Result<()> {
         write_whole(path, json(self).as_bytes())
     }
 
-    /// The report in a few lines; `middle` is about the product.
+    /// Report in a few lines; `middle` describes the product.
     pub fn lines(&self, middle: &str) -> String {
         let q = &self.quality;
         let mut text =

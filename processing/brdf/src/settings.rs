@@ -1,4 +1,4 @@
-//! What the user may choose.
+//! Settings of all products.
 
 use super::fresnel::Reflectance;
 use super::geometry::{Direction, Window};
@@ -8,36 +8,38 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
-/// Lobes with this part of the light are to be as exact as asked for: an amplitude that is off by δ makes one of η off by 2δ/√η.
+/// Smallest fraction of the light for which lobes meet the requested error. An amplitude error of δ changes a lobe of
+/// efficiency η by 2δ/√η.
 pub(super) const FAINTEST: f64 = 1e-3;
 
-/// Limits of a map's side.
+/// Range of a map's side in pixels.
 pub const SIZES: std::ops::RangeInclusive<usize> = 8..=4096;
 
-/// Highest power that can be asked for.
+/// Highest power that can be requested.
 const MOST_ORDER: usize = 100;
 
-/// How the power density of a surface is computed.
+/// Computation of the power density of a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(rename = "BrdfMethod")]
 pub enum Method {
-    /// The cheapest that meets the wanted error.
+    /// The cheapest method that meets the requested error.
     #[default]
     Auto,
-    /// Direct sums over all pixels, in double precision: the truth, and slow.
+    /// Direct sums over all pixels in double precision: the slow reference.
     Reference,
     /// Powers of the height (2014 thesis, FLSS).
     Taylor,
-    /// Chebyshev polynomials of the height (Jacobi and Anger).
+    /// Chebyshev polynomials of the height (Jacobi-Anger expansion).
     Chebyshev,
-    /// Transforms of `exp(ikwh)` itself at some kw, with a polynomial between.
+    /// Transforms of `exp(ikwh)` at some kw, with polynomial interpolation between them.
     Fft,
-    /// Only the wavelengths λ = d·u/n of a single period d (2014 thesis, section 4.5.2, mended).
+    /// Only the wavelengths λ = d·u/n of a single period d (2014 thesis, section 4.5.2, corrected).
     Nmm,
-    /// Whole repetitions of the patch under an even window (2014 thesis, section 3.6, mended), its transform interpolated by sinc functions.
+    /// Whole repetitions of the patch under an even window, interpolated by sinc functions (2014 thesis, section 3.6,
+    /// corrected).
     Pq,
-    /// The same, interpolated linearly.
+    /// As `pq`, with linear interpolation.
     PqLinear,
 }
 
@@ -59,7 +61,7 @@ impl FromStr for Method {
     }
 }
 
-/// What the numbers of a result are.
+/// Normalisation of a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Normalisation {
@@ -82,7 +84,7 @@ impl FromStr for Normalisation {
     }
 }
 
-/// What every product takes.
+/// Settings of all products.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "BrdfSettings")]
@@ -90,22 +92,23 @@ pub struct Settings {
     /// Angle of the light from the normal, and its azimuth anticlockwise from the right, in degrees.
     #[schemars(extend("x-aliases" = ["light"], "x-placeholder" = "THETA[,PHI]", "x-short" = true))]
     pub light_deg: [f64; 2],
-    /// How the power density is computed.
+    /// Computation of the power density.
     pub method: Method,
-    /// Highest power of `taylor`, whatever it is off by: 1 is the first order of the 2017 paper (section 6.1), which its measured heights
-    /// are drawn by.
+    /// Highest power of `taylor` (1 to 100), regardless of its error. 1 is the first order of the 2017 paper (section
+    /// 6.1), used with its measured heights.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub order: Option<usize>,
     /// Width of the coherence window in µm: four standard deviations of its amplitude.
     pub coherence_um: f64,
-    /// Error that is asked for: relative, of every lobe that holds at least a thousandth of the light.
+    /// Largest relative error of every lobe with at least 0.1 % of the light.
     pub max_error: f64,
-    /// Distance of wavelengths in nm, 0.01 to 100, instead of as close as each direction needs (2014 thesis, Fig. 6.5). The error is measured.
+    /// Step between wavelengths in nm, 0.01 to 100 (2014 thesis, Fig. 6.5). By default, it is as small as each
+    /// direction needs. The error is measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub wavelength_step_nm: Option<f64>,
-    /// What the numbers are.
+    /// Normalisation of the result.
     #[schemars(extend("x-advanced" = true))]
     pub normalisation: Normalisation,
     /// Reflectance of the smooth surface.
@@ -141,10 +144,10 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Refuses what makes no sense; the light's direction and the window.
+    /// Checks the settings, and returns the light's direction and the coherence window.
     ///
     /// # Errors
-    /// `Input`, which names the setting.
+    /// `Input`, naming the setting.
     pub fn check(&self) -> Result<(Direction, Window)> {
         if !(1e-6..=0.5).contains(&self.max_error) {
             let problem = format!("is {}", self.max_error);

@@ -7,22 +7,22 @@ use std::f64::consts::{PI, TAU};
 /// Parallel slits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slits {
-    /// From one to the next, in µm: 1.6 for a compact disc by its standard, 2.0 in the paper.
+    /// Distance between slits in µm: 1.6 for a compact disc by its standard, 2.0 in the paper.
     pub spacing_um: f64,
-    /// Width of each, in µm.
+    /// Width of a slit in µm.
     pub width_um: f64,
-    /// How many light falls on together.
+    /// Number of coherently illuminated slits.
     pub count: usize,
 }
 
 impl Slits {
-    /// A compact disc as the paper has it.
+    /// Compact disc with the values of the paper.
     pub const DISC: Self = Self { spacing_um: 2.0, width_um: 0.5, count: 21 };
 
     /// Checks that slits are narrower than their spacing.
     ///
     /// # Errors
-    /// `Input` for what makes no sense.
+    /// `Input` for values out of range.
     pub fn check(&self) -> Result<()> {
         let fits = self.width_um > 0.0 && self.width_um <= self.spacing_um && self.spacing_um <= 1e4;
         if fits && (1..=1_000_000).contains(&self.count) {
@@ -32,8 +32,10 @@ impl Slits {
         Err(Error::input("slits", problem, "give a width above 0 and at most the spacing, and 1 to 1000000 of them"))
     }
 
-    /// Light relative to the mirror direction, for the component across the slits of `ωi + ωr`: `sinc²(π w u/λ) (sin(NπΔu/λ) / (N
-    /// sin(πΔu/λ)))²`. Both factors have their limits where they are 0/0.
+    /// Light relative to the mirror direction for a component u of `ωi + ωr` across the slits:
+    /// `sinc²(π w u/λ) (sin(NπΔu/λ) / (N sin(πΔu/λ)))²`.
+    ///
+    /// Both factors have their limits where they are 0/0.
     pub fn at(&self, u: f64, wavelength_nm: f64) -> f64 {
         let frequency = u * 1e3 / wavelength_nm;
         let x = PI * self.width_um * frequency;
@@ -42,19 +44,23 @@ impl Slits {
         (slit * all).powi(2)
     }
 
-    /// Largest distance, in spacings, of two slits that still interfere under a light of standard deviation `sigma` in spatial frequency (1/µm). Pairs
-    /// farther apart contribute less than 1e-6. [`Self::averaged`] has no part faster than this distance plus one spacing.
+    /// Largest distance, in spacings, of two slits that interfere for light with a standard deviation `sigma` in
+    /// spatial frequency (1/µm).
+    ///
+    /// Pairs at larger distances contribute less than 1e-6. [`Self::averaged`] has no component faster than this
+    /// distance plus one spacing.
     pub fn coherent_spacings(&self, sigma: f64) -> usize {
         let reach = (0.84 / sigma + self.width_um) / self.spacing_um;
-        // Beyond the largest number, `as` is the largest number.
+        // `as` limits too large values to the largest number.
         (reach as usize).min(self.count.saturating_sub(1))
     }
 
-    /// [`Self::at`], averaged over a Gaussian of spatial frequencies `u/λ`: its mean and standard deviation in 1/µm.
+    /// [`Self::at`], averaged over a Gaussian of spatial frequencies `u/λ` with this mean and standard deviation in
+    /// 1/µm.
     ///
-    /// The sum over slits is a Fourier series over the spacings between two of them, `Σ (1 - |k|/N) exp(2πi k Δ f) / N`. A Gaussian damps its terms
-    /// by `exp(-2π² k² Δ² σ²)` and evaluates the factor of one slit at the complex frequency `f + 2πi σ² k Δ`, averaged over the same Gaussian.
-    /// A wide light thus takes fewer terms than a small one.
+    /// The sum over slits is a Fourier series over their distances, `Σ (1 - |k|/N) exp(2πi k Δ f) / N`. A Gaussian
+    /// damps its terms by `exp(-2π² k² Δ² σ²)`. It evaluates the factor of one slit at the complex frequency
+    /// `f + 2πi σ² k Δ`, averaged over the same Gaussian. An extended source thus needs fewer terms than a small one.
     pub fn averaged(&self, frequency: f64, sigma: f64) -> f64 {
         let (width, spacing, count) = (self.width_um, self.spacing_um, self.count as f64);
         if sigma * spacing * count < 5e-3 {
@@ -62,7 +68,8 @@ impl Slits {
         }
         let most = self.coherent_spacings(sigma);
         let fastest = TAU * sigma * (spacing * count + width);
-        // Very many slits under a very small light: the average itself takes fewer terms, each of which costs three of the series'.
+        // For very many slits and a very small source, direct averaging needs fewer terms, each at three times the
+        // cost.
         if sigma * width > SERIES || 3.0 * (2.0 * fastest + 10.0) < most as f64 {
             let mut sum = 0.0;
             nodes(fastest, |node, weight| {
@@ -89,7 +96,7 @@ impl Slits {
                 let part = slit[0] * turn[0] - slit[1] * turn[1];
                 let both = if k == 0 { 1.0 } else { 2.0 };
                 sum += weight * both * (1.0 - order / count) * damped[0] * part;
-                // The next factors, each from the one before.
+                // Recurrence for the next factors.
                 turn = [turn[0] * once[0] - turn[1] * once[1], turn[0] * once[1] + turn[1] * once[0]];
                 grown *= growth;
                 damped = [damped[0] * damped[1], damped[1] * step * step];
@@ -98,8 +105,10 @@ impl Slits {
         (sum / count).max(0.0)
     }
 
-    /// The same on a disc at a place relative to its middle: its tracks run along the tangent, so that the radial component of `ωi + ωr` is the
-    /// one across, and along the track a Gaussian window of the same number of spacings (four standard deviations) holds the light.
+    /// [`Self::at`] for a disc at a position relative to its centre.
+    ///
+    /// Its tracks are tangential, so the radial component of `ωi + ωr` is the one across the slits. Along the track, a
+    /// Gaussian window of the same number of spacings (four standard deviations) limits the light.
     pub fn on_disc(&self, place: [f64; 2], tangent: [f64; 2], wavelength_nm: f64) -> f64 {
         let radius = place[0].hypot(place[1]);
         if radius == 0.0 {
@@ -113,17 +122,17 @@ impl Slits {
         self.at(across, wavelength_nm) * (-turns * turns).exp()
     }
 
-    /// Of a pattern of all directions, such as a radial one: the slits' pattern turned around its middle.
+    /// Pattern of slits in all directions, such as radial ones: that of parallel slits, rotated around its centre.
     pub fn radial(&self, tangent: [f64; 2], wavelength_nm: f64) -> f64 {
         self.at(tangent[0].hypot(tangent[1]), wavelength_nm)
     }
 }
 
-/// Largest product of a light's standard deviation and a slit's width for the series of [`Slits::averaged`], whose terms cancel by
-/// `exp(2π² σ² w²)`.
+/// Largest product of the source's standard deviation and a slit's width for the series of [`Slits::averaged`], whose
+/// terms cancel by `exp(2π² σ² w²)`.
 const SERIES: f64 = 0.8;
 
-/// `(sin z / z)²` of a complex number, whose sine is given: real and imaginary part.
+/// Real and imaginary part of `(sin z / z)²`, for a complex number whose sine is given.
 fn sinc_square([x, y]: [f64; 2], [a, b]: [f64; 2]) -> [f64; 2] {
     let square = x * x + y * y;
     if square < 1e-8 {
@@ -133,10 +142,12 @@ fn sinc_square([x, y]: [f64; 2], [a, b]: [f64; 2]) -> [f64; 2] {
     [re * re - im * im, 2.0 * re * im]
 }
 
-/// Nodes and weights that average over a Gaussian of standard deviation 1, exact to 1e-5 for functions with no part faster than `fastest`
-/// (rad per standard deviation): Gauss and Hermite's for slow functions, else the trapezoid rule, which converges exponentially.
+/// Nodes and weights of the mean over a Gaussian of standard deviation 1, exact to 1e-5 for functions without
+/// components faster than `fastest` (rad per standard deviation).
+///
+/// Gauss-Hermite quadrature for slow functions, else the trapezoidal rule, which converges exponentially.
 fn nodes(fastest: f64, mut each: impl FnMut(f64, f64)) {
-    /// Most nodes to either side; functions that are faster are narrower than the Gaussian by as much.
+    /// Largest number of nodes to either side. Faster functions are narrower than the Gaussian by this factor.
     const MOST: f64 = 4000.0;
     match fastest {
         ..0.01 => each(0.0, 1.0),
@@ -146,7 +157,7 @@ fn nodes(fastest: f64, mut each: impl FnMut(f64, f64)) {
             [-3f64.sqrt(), 3f64.sqrt()].into_iter().for_each(|x| each(x, 1.0 / 6.0));
         }
         _ => {
-            // The first alias of the fastest part lies five standard deviations out in the Gaussian's own transform.
+            // The first alias of the fastest component is at five standard deviations of the Gaussian's transform.
             let step = (TAU / (fastest + 5.0)).max(5.0 / MOST);
             let half = (5.0 / step).ceil() as i32;
             let weight = |x: f64| step * (-0.5 * x * x).exp() / TAU.sqrt();
@@ -168,7 +179,7 @@ mod tests {
             let u = f64::from(k) * 0.0031 - 0.4;
             for nm in [400.0, 550.0, 700.0] {
                 let f = u * 1e3 / nm;
-                // Each slit by the midpoint rule, all of them added up.
+                // Sum over all slits, each by the midpoint rule.
                 let n = 400;
                 let wave: Complex64 = (0..slits.count)
                     .flat_map(|s| (0..n).map(move |i| (s, i)))
@@ -189,7 +200,8 @@ mod tests {
         }
     }
 
-    /// Lights from far narrower than a lobe to wider than the distance of orders, slits from fine to as wide as their spacing.
+    /// Sources from far narrower than a lobe to wider than the distance of orders, slits from fine ones to the width of
+    /// their spacing.
     #[test]
     fn averages_are_those_of_dense_sums() {
         let slits = [

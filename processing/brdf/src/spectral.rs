@@ -1,31 +1,31 @@
-//! Sums over wavelengths: how finely, and with which weights.
+//! Sums over wavelengths: step and weights.
 
 use super::geometry::Window;
 use nacre_base::{Error, Result};
 use nacre_optics::color::{Illuminant, Observer};
 
-/// Shortest and longest wavelength in nm, as the thesis has them.
+/// Shortest and longest wavelength in nm, as in the 2014 thesis.
 pub const RANGE_NM: [f64; 2] = [380.0, 780.0];
 
-/// Fewest wavelengths, by how much more the next finer sum has, and the most.
+/// Smallest number of wavelengths, ratio to the next finer sum, and largest number.
 const FEWEST: usize = 17;
 const FINER: f64 = 1.2;
 const MOST: usize = 20_000;
 
-/// Wave numbers, evenly spaced, and what light at each adds to X, Y and Z.
+/// Evenly spaced wave numbers, and their contributions to X, Y and Z.
 pub(super) struct Samples {
-    /// `1/λ` in 1/µm.
+    /// Wave numbers `1/λ` in 1/µm.
     pub numbers: Vec<f64>,
-    /// Weights; those of Y add up to 1.
+    /// Weights; those of Y sum to 1.
     pub weights: Vec<[f64; 3]>,
 }
 
-/// Sums of different fineness for one light and one observer.
+/// Sums of different steps for one illuminant and one observer.
 pub(super) struct Wavelengths {
     ladder: Vec<Samples>,
-    /// The coarsest that is right for the light itself.
+    /// Index of the coarsest sum that is accurate for the illuminant.
     least: usize,
-    /// What that one is off by.
+    /// Error of that sum.
     pub color_error: f64,
 }
 
@@ -38,7 +38,7 @@ impl Samples {
         Self::of(numbers, |number| 1.0 / (number * number), light, observer)
     }
 
-    /// Wavelengths in even steps of about so many nm, as the thesis has them (2014, Fig. 6.5 and 6.6).
+    /// Samples in even wavelength steps of about `nm` (2014 thesis, Fig. 6.5 and 6.6).
     pub(super) fn in_steps(nm: f64, light: &Illuminant, observer: Observer) -> Self {
         let count = ((RANGE_NM[1] - RANGE_NM[0]) / nm).round().max(1.0);
         let step = (RANGE_NM[1] - RANGE_NM[0]) / count;
@@ -46,7 +46,7 @@ impl Samples {
         Self::of(numbers, |_| 1.0, light, observer)
     }
 
-    /// By the trapezoid rule, with the width of an interval up to a factor.
+    /// Trapezoidal rule; `width` is the width of an interval up to a factor.
     fn of(numbers: Vec<f64>, width: impl Fn(f64) -> f64, light: &Illuminant, observer: Observer) -> Self {
         let last = numbers.len() - 1;
         let mut weights: Vec<[f64; 3]> = numbers
@@ -68,7 +68,7 @@ impl Samples {
         self.numbers[1] - self.numbers[0]
     }
 
-    /// X, Y and Z of a spectrum that rises evenly, and of a flat one.
+    /// X, Y and Z of a linearly increasing spectrum, and of a flat one.
     fn moments(&self) -> [f64; 6] {
         let mut all = [0.0; 6];
         for (number, w) in self.numbers.iter().zip(&self.weights) {
@@ -82,10 +82,10 @@ impl Samples {
 }
 
 impl Wavelengths {
-    /// For sums that are to be off by less than `error`.
+    /// Sums for errors below `error`.
     ///
     /// # Errors
-    /// `Input` for a light without any visible power.
+    /// `Input` for an illuminant without visible power.
     pub(super) fn new(light: &Illuminant, observer: Observer, finest_step: f64, error: f64) -> Result<Self> {
         let truth = Samples::new(4001, light, observer).moments();
         if truth[1].is_nan() || truth[1] < 0.5 {
@@ -101,7 +101,7 @@ impl Wavelengths {
             ladder.push(samples);
             let place = ladder.len() - 1;
             if color_error > error {
-                // A coarser sum that was right was so by chance.
+                // A coarser sum within the error was so by chance.
                 least = None;
             } else if least.is_none() {
                 least = Some((place, color_error));
@@ -116,7 +116,7 @@ impl Wavelengths {
         Ok(Self { ladder, least, color_error })
     }
 
-    /// The coarsest sum that is fine enough for directions whose tangent has this length.
+    /// Coarsest sum that is accurate for directions with this length of the tangent.
     pub(super) fn of(&self, tangent: f64, window: Window, error: f64) -> &Samples {
         let wanted = window.step(tangent, error);
         let fine = |samples: &&Samples| samples.step() <= wanted;

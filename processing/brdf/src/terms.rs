@@ -1,4 +1,4 @@
-//! Transforms of a height field's expansion as files, for programs that draw in real time: made once for all directions and wavelengths
+//! Transforms of a height field's expansion terms as files, for real-time rendering of all directions and wavelengths
 //! (2014 thesis, section 4.2, with polynomials that do not cancel).
 
 use super::bank::{Bank, Relief, planes, reach};
@@ -24,56 +24,57 @@ use std::path::Path;
 /// Name of the description in a folder of terms.
 pub const TERMS_FILE: &str = "terms.json";
 
-/// Largest description, in bytes.
+/// Largest description in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Largest side of a plane in frequencies to each side: beyond it a set has gigabytes.
+/// Largest number of frequencies to each side; larger sets take gigabytes.
 const MOST_REACH: usize = 4096;
 
-/// Part of the coherence window that frequencies beyond the extent leave out.
+/// Fraction of the coherence window outside of the margin beyond the extent.
 const OUTSIDE: f64 = 1e-6;
 
-/// Largest rounding of numbers near 1 and of those near 0 in half precision.
+/// Largest rounding error of half precision, for numbers near 1 and near 0.
 const HALF: [f64; 2] = [0.000_488_281_25, 3e-8];
 
-/// What a set of terms is.
+/// Description of a set of terms.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TermsAbout {
     /// `taylor` or `chebyshev`.
     pub kind: String,
-    /// How many terms, and files.
+    /// Number of terms and files.
     pub terms: usize,
-    /// Bits of their numbers.
+    /// Precision of the files.
     pub precision: Precision,
     /// Width and height of the patch in µm: frequency `ix/width` to the right and `iy/height` up.
     pub size_um: [f64; 2],
     /// Half the range of heights in µm.
     pub half_um: f64,
-    /// Frequencies to each side of the middle: planes have `2 · reach + 1` columns and rows, the highest on top.
+    /// Number of frequencies to each side of the centre: planes have `2 · reach + 1` columns and rows, the highest on
+    /// top.
     pub reach: [usize; 2],
     /// Largest `X = 2π/λ (cos θi + cos θr) · half_um`.
     pub x_most: f64,
-    /// Largest component of `ωi + ωr` in the plane that the frequencies reach at 380 nm.
+    /// Largest component of `ωi + ωr` in the plane within the frequencies at 380 nm.
     pub extent: f64,
-    /// Largest relative error, of lobes with a thousandth of the light, from truncation and rounding.
+    /// Predicted largest relative error from truncation and rounding, for lobes with at least 0.1 % of the light.
     pub predicted_error: f64,
-    /// How to use them.
+    /// Formula for the use of the terms.
     pub formula: String,
 }
 
-/// A set of terms.
+/// Set of terms that was read from a folder.
 pub struct Terms {
     about: TermsAbout,
     bank: Bank<f32>,
 }
 
-/// How a set is made.
+/// Options of a set of terms.
 #[derive(Clone, Copy, Debug)]
 pub struct TermsRequest {
-    /// Largest component of `ωi + ωr` in the plane: 2 for all directions of light and eye.
+    /// Largest component of `ωi + ωr` in the plane, 0.01 to 2; 2 is for all directions of light and viewer.
     pub extent: f64,
-    /// Bits of the files; by default the fewest that meet the error.
+    /// Precision of the files; by default the lowest that meets the error.
     pub precision: Option<Precision>,
 }
 
@@ -91,34 +92,34 @@ fn formula(kind: Kind) -> String {
     )
 }
 
-/// Name of the file of a term.
+/// File name of a term.
 fn file_of(term: usize) -> String {
     format!("term_{term:03}.exr")
 }
 
-/// All that a set can be asked for.
+/// Request for all directions within an extent.
 fn request(extent: f64) -> Request {
     Request {
         q: [0.0, 2.0 * TAU * 1e3 / RANGE_NM[0]],
         frequency: [extent * 1e3 / RANGE_NM[0]; 2],
         length: (2_f64.sqrt() * extent).min(2.0) * 1e3 / RANGE_NM[0],
-        // Only the transforms count.
+        // Only the transforms are needed.
         densities: 0.0,
     }
 }
 
-/// The terms of a height field, as they are made.
+/// Set of terms of a height field, before it is written.
 pub struct TermSet {
-    /// What they are.
+    /// Description of the set.
     pub about: TermsAbout,
     planes: Vec<Plane<f32>>,
 }
 
 impl TermSet {
-    /// Makes them.
+    /// Computes the terms of a height field.
     ///
     /// # Errors
-    /// `Input` for settings that make no sense, pixels that are too coarse, and depths that the expansion cannot do.
+    /// `Input` for invalid settings, pixels that are too coarse, and depths that the expansion cannot handle.
     pub fn new(
         field: &HeightField,
         settings: &Settings,
@@ -132,7 +133,8 @@ impl TermSet {
         let request = request(wanted.extent);
         choose::check_pitch(field, &request)?;
         let relief = Relief::new(field);
-        // Where half precision may do, its rounding gets most of the error. There is nothing else to leave some for.
+        // If half precision is possible, most of the error is allotted to its rounding. Otherwise, the expansion gets
+        // the whole error.
         let halved = wanted.precision == Some(Precision::Half) || of_lobes(HALF[0]) < 0.5 * settings.max_error;
         let parts = if halved { [0.125; 2] } else { [0.75, 0.25] };
         let expansion = choose::expansion(&relief, request, settings, parts)?;
@@ -146,7 +148,7 @@ impl TermSet {
         progress.check()?;
         let exact = of_lobes(expansion.error() + expansion.rounding(f64::from(f32::EPSILON)));
         let halves = Halves::new(&expansion, &planes);
-        // The mean is nearly always the largest: where it is too much already, the others need no look.
+        // The mean is nearly always the largest amplitude. If its error is too large, the others need no check.
         let hopeless = exact + of_lobes(halves.middle()) > settings.max_error;
         let (precision, predicted_error) = match wanted.precision {
             Some(Precision::Float) => (Precision::Float, exact),
@@ -172,7 +174,7 @@ impl TermSet {
         Ok(Self { about, planes })
     }
 
-    /// A term's amplitude at a frequency in cycles per patch.
+    /// Amplitude of a term at a frequency in cycles per patch.
     pub fn amplitude(&self, term: usize, frequency: [isize; 2]) -> Complex32 {
         self.planes[term].at(frequency)
     }
@@ -185,16 +187,16 @@ impl TermSet {
         all
     }
 
-    /// Writes them: one EXR per term (`re`, `im`) and a description.
+    /// Writes the set: one EXR per term (`re`, `im`) and a description.
     ///
     /// # Errors
-    /// `Output` when the system refuses.
+    /// `Output` if the system refuses.
     pub fn write(&self, folder: &OutputFolder, progress: &dyn Progress) -> Result<()> {
         progress.stage("writing", self.planes.len() as u64);
         let side = self.about.reach.map(|r| 2 * r + 1);
         let mut values = vec![Complex32::ZERO; side[0] * side[1]];
         for (n, plane) in self.planes.iter().enumerate() {
-            // Pictures begin with the highest frequency.
+            // Images begin with the highest frequency.
             let rows = values
                 .chunks_mut(side[0])
                 .zip((0..=2 * self.about.reach[1]).map(|y| self.about.reach[1] as isize - y as isize));
@@ -215,9 +217,9 @@ impl TermSet {
     }
 }
 
-/// What half precision leaves of amplitudes.
+/// Rounding errors of amplitudes in half precision.
 struct Halves<'a> {
-    /// Largest function of X of each term.
+    /// Largest absolute function of X of each term.
     most: Vec<f64>,
     planes: &'a [Plane<f32>],
 }
@@ -234,7 +236,7 @@ impl<'a> Halves<'a> {
         Self { most, planes }
     }
 
-    /// Of a frequency, at most.
+    /// Upper bound of the error at a frequency.
     fn of(&self, amplitude: impl Fn(&Plane<f32>) -> Complex32) -> f64 {
         let of = |(m, plane): (&f64, &Plane<f32>)| {
             m * (HALF[0] * f64::from(amplitude(plane).norm_sqr().sqrt()) + 2.0 * HALF[1])
@@ -242,12 +244,12 @@ impl<'a> Halves<'a> {
         self.most.iter().zip(self.planes).map(of).sum()
     }
 
-    /// Of the mean.
+    /// Upper bound of the error of the mean.
     fn middle(&self) -> f64 {
         self.of(|plane| plane.at([0, 0]))
     }
 
-    /// Of all of them, at most; the opposite of a frequency has the same sizes.
+    /// Upper bound of the error at all frequencies; opposite frequencies have equal magnitudes.
     fn most(&self, reach: [usize; 2]) -> f64 {
         let [mx, my] = reach.map(|r| r as isize);
         let column = |ix: isize| (-my..=my).map(|iy| self.of(|plane| plane.at([ix, iy]))).fold(0.0, f64::max);
@@ -256,10 +258,10 @@ impl<'a> Halves<'a> {
 }
 
 impl Terms {
-    /// Reads a set that [`TermSet::write`] has written.
+    /// Reads a set written by [`TermSet::write`].
     ///
     /// # Errors
-    /// `Input` for a folder that holds none, or a damaged one.
+    /// `Input` for a folder without a set, or with a damaged one.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(TERMS_FILE);
         let remedy = "give a folder that nacre brdf terms has written";
@@ -290,18 +292,18 @@ impl Terms {
         Ok(Self { about, bank })
     }
 
-    /// What they are.
+    /// Description of the set.
     pub fn about(&self) -> &TermsAbout {
         &self.about
     }
 
-    /// Largest relative difference from direct sums over the height field that they were made of, at some places near to lobes.
+    /// Largest relative difference from direct sums over the original height field, at some points near lobes.
     ///
     /// # Errors
-    /// `Input` for a coherence that makes no sense.
+    /// `Input` for a coherence width out of range.
     pub fn measured(self, field: &HeightField, coherence_um: f64) -> Result<Option<f64>> {
         let window = Window::new(coherence_um)?;
-        // Grazing light and eye leave nothing to compare.
+        // Grazing light and viewing directions leave nothing to compare.
         let q = request(self.about.extent).q;
         let request = Request { q: [0.1 * q[1], q[1]], ..request(self.about.extent) };
         let radius = window.radius(OUTSIDE);
@@ -310,7 +312,7 @@ impl Terms {
     }
 }
 
-/// A term's plane, from the lowest frequency.
+/// Plane of a term, from the lowest frequency.
 fn plane(path: &Path, [width, height]: [usize; 2]) -> Result<Vec<Complex32>> {
     let mut map = read_exr(path)?;
     if [map.width, map.height] != [width, height] {

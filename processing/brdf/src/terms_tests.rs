@@ -32,7 +32,7 @@ fn a_set_that_was_read_again_is_as_exact_as_it_says() {
         let read = Terms::read(&path).unwrap();
         let about = read.about().clone();
         assert_eq!(about, set.about);
-        // Loose requests are met in half precision, others are not.
+        // Half precision meets large errors only.
         assert_eq!(about.precision == Precision::Half, max_error > 0.1 || wanted.is_some(), "{about:?}");
         let measured = read.measured(&field, 12.0).unwrap().unwrap();
         assert!(measured > 0.0 && measured <= about.predicted_error, "{depth}: {measured} {}", about.predicted_error);
@@ -65,7 +65,7 @@ fn the_first_order_alone_is_right_for_shallow_surfaces_and_says_so_of_others() {
         assert!(all.iter().all(|[error, said]| *error <= *said && *error > 0.0), "{depth}: {all:?}");
         assert!(all[0][0] > all[1][0] && all[1][0] > all[2][0], "{depth}: {all:?}");
     }
-    // 10 nm: X is 0.165 at most, and the first order's lobes are off by some X²/2 of themselves.
+    // 10 nm: X is at most 0.165, and the relative error of first-order lobes is about X²/2.
     assert!(of(0.01, 1)[0] < 0.05);
 }
 

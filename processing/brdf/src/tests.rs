@@ -1,4 +1,4 @@
-//! Power densities against closed forms and direct sums.
+//! Power densities compared with closed forms and direct sums.
 
 use super::bank::{Bank, Relief, Scratch};
 use super::expansion::{Expansion, Kind};
@@ -25,7 +25,7 @@ fn fingers() -> HeightField {
 
 #[test]
 fn the_reference_is_the_mean_over_all_places_of_a_coherence_window() {
-    // By brute force: the patch repeated, the window's amplitude at a grid of places, the transform squared, the mean.
+    // Brute force: the patch repeated, the window's amplitude at a grid of positions, the squared transform, the mean.
     let field = HeightField { pixel_um: 0.25, ..fingers() };
     let field = HeightField { width: 12, height: 10, um: field.um[..120].to_vec(), ..field };
     let window = Window::new(8.0).unwrap();
@@ -82,7 +82,7 @@ fn banks_agree_with_direct_sums() {
 #[test]
 fn deep_surfaces_are_exact_to_4_um_and_in_single_precision_to_a_thousandth() {
     for depth in [0.5, 2.0, 4.0] {
-        // One period of 2.5 µm, fine enough for all orders that so deep a surface has.
+        // One period of 2.5 µm, fine enough for all orders of such a deep surface.
         let um = (0..250).map(|k| 0.5 * depth * (TAU * f64::from(k) / 250.0).cos()).collect();
         let field = HeightField::new("sinusoid", 250, 1, 0.01, um).unwrap();
         let relief = Relief::new(&field);
@@ -94,7 +94,7 @@ fn deep_surfaces_are_exact_to_4_um_and_in_single_precision_to_a_thousandth() {
             let (mut a, mut b) = (Scratch::default(), Scratch::default());
             for q in [8.5, 16.0, 25.0, 32.5] {
                 for m in -12..=12_i32 {
-                    // Jacobi and Anger: |c_m| = |J_m(q d/2)|.
+                    // Jacobi-Anger expansion: |c_m| = |J_m(q d/2)|.
                     let truth = libm::jn(m.abs(), 0.5 * q * depth).powi(2);
                     let power = |[re, im]: [f64; 2]| re * re + im * im;
                     let f64s = power(double.amplitude_at([m as isize, 0], q, &mut a));
@@ -102,7 +102,7 @@ fn deep_surfaces_are_exact_to_4_um_and_in_single_precision_to_a_thousandth() {
                     assert!((f64s - truth).abs() < 4e-6, "{kind:?} {depth} {q} {m}: {f64s} {truth}");
                     assert!((f32s - f64s).abs() < 1e-3, "{kind:?} {depth} {q} {m}: {f32s} {f64s}");
                 }
-                // All frequencies of the patch hold the whole light.
+                // All frequencies of the patch together hold all the light.
                 assert!((double.total(q) - 1.0).abs() < 1e-5, "{kind:?} {depth} {q}: {}", double.total(q));
             }
         }
@@ -111,7 +111,7 @@ fn deep_surfaces_are_exact_to_4_um_and_in_single_precision_to_a_thousandth() {
 
 #[test]
 fn a_tilted_mirror_reflects_where_mirrors_do() {
-    // Rising to the right, it faces left: light from above leaves to the left.
+    // A rise to the right faces left: light from above leaves to the left.
     let um = (0..100 * 4).map(|k| 0.5 * (f64::from(k % 100) / 100.0)).collect();
     let field = HeightField::new("ramp", 100, 4, 0.05, um).unwrap();
     let window = Window::new(30.0).unwrap();
@@ -119,7 +119,7 @@ fn a_tilted_mirror_reflects_where_mirrors_do() {
     let at = |f: f64| Reference::new(&field).density([f, 0.0], q, window);
     // 5 µm wide, 0.5 µm high: two wavelengths of path per patch, order -2.
     assert!(at(-2.0 / 5.0) > 0.9 * window.peak() && at(2.0 / 5.0) < 1e-3 * window.peak(), "{} {}", at(-0.4), at(0.4));
-    // And with y: rising up, it faces down.
+    // Along y, a rise upwards faces down.
     let um = (0..100 * 4).map(|k| 0.5 * (f64::from(99 - k / 4) / 100.0)).collect();
     let field = HeightField::new("ramp", 4, 100, 0.05, um).unwrap();
     let at = |f: f64| Reference::new(&field).density([0.0, f], q, window);
@@ -167,7 +167,7 @@ fn geometry_knows_mirrors() {
 }
 
 fn blazed() -> HeightField {
-    // Ten periods of 40 pixels; fine enough for 380 nm at 75 degrees.
+    // Ten periods of 40 pixels, fine enough for 380 nm at 75 degrees.
     Synthetic {
         shape: Shape::Grating(Profile::Blazed),
         pixels: 400,
@@ -238,7 +238,7 @@ fn methods_agree_with_direct_sums_within_what_they_predict() {
             for method in [Method::Auto, Method::Taylor, Method::Chebyshev, Method::Fft, Method::Nmm] {
                 let found = match run(method, max_error) {
                     Ok(found) => found,
-                    // Two dimensions, or too deep for powers: refused, not wrong.
+                    // Two-dimensional or too deep for powers: refused rather than wrong.
                     Err(e) => {
                         assert!(matches!(method, Method::Taylor | Method::Nmm), "{method:?} {e}");
                         continue;
@@ -285,7 +285,8 @@ fn methods_refuse_what_they_cannot_do() {
     );
 }
 
-/// Coarse steps make separate colours of an order, and say so; fine ones are as exact as the program's own.
+/// Coarse steps split an order into separate colours, and the measured error shows it. Fine steps are as accurate as
+/// the default.
 #[test]
 fn steps_of_wavelengths_are_as_far_off_as_they_say() {
     let field = fingers();
@@ -316,13 +317,13 @@ fn a_mirror_reflects_all_light_into_its_lobe() {
     let field = HeightField::new("flat", 32, 32, 0.1, vec![0.3; 1024]).unwrap();
     let quality = height::Quality::of(&field, 65.0);
     for light_deg in [[0.0, 0.0], [40.0, 70.0]] {
-        // A coherence of 8 µm makes a lobe that a map resolves.
+        // A coherence of 8 µm gives a lobe that a map resolves.
         let settings = Settings { light_deg, coherence_um: 8.0, ..Settings::default() };
         let found = map(&field, &quality, &settings, Views::all(400), &Silent).unwrap();
         // ∫ f cos θ dω = ∫ f dx dy.
         let sum: f64 = found.xyz.iter().filter(|v| v[1].is_finite()).map(|v| f64::from(v[1])).sum();
         let flux = sum * (2.0 / 400.0_f64).powi(2);
-        // The gain is 1 in the middle of the lobe only.
+        // The gain is 1 only at the centre of the lobe.
         assert!((flux - 1.0).abs() < 0.003, "{light_deg:?}: {flux}");
         let relative = Settings { normalisation: Normalisation::Relative, ..settings };
         let peak = map(&field, &quality, &relative, Views::all(401), &Silent)
@@ -331,7 +332,7 @@ fn a_mirror_reflects_all_light_into_its_lobe() {
             .iter()
             .map(|v| v[1])
             .fold(0.0, f32::max);
-        // Half a cell of the map beside the middle of the lobe.
+        // Half a map pixel beside the centre of the lobe.
         assert!((peak - 1.0).abs() < 5e-4, "{peak}");
     }
 }
@@ -367,7 +368,7 @@ fn nmm_finds_the_light_of_a_map_at_few_wavelengths() {
         }
         assert!((off / sum).sqrt() < found.error_estimate && found.error_estimate <= 0.01, "{off} {sum}");
     }
-    // A sinusoid's picture is the same to both sides.
+    // The picture of a sinusoid is symmetric.
     let at = |x: usize, y: usize| truth.xyz[y * 63 + x][1];
     assert!((0..31).all(|x| {
         let (a, b) = (at(x, 31), at(62 - x, 31));
@@ -382,7 +383,7 @@ fn every_expansion_conserves_energy_on_a_surface_of_two_dimensions() {
     let [low, high] = [8.0, 33.0].map(|q| q * relief.half_um);
     for kind in [Kind::Taylor, Kind::Chebyshev, Kind::Nodes] {
         let of = |error: f64| Expansion::new(kind, low, high, error, f64::EPSILON).unwrap();
-        // All frequencies but those at half a cycle per pixel, which an even number of pixels has.
+        // All frequencies except those at half a cycle per pixel, which only an even number of pixels has.
         let odd = HeightField { width: 59, height: 59, um: crop(&field, 59), ..field.clone() };
         let relief = Relief::new(&odd);
         let double = Bank::<f64>::new(&relief, of(1e-5), [99.0; 2], 1e-12, || {});
@@ -398,7 +399,7 @@ fn crop(field: &HeightField, side: usize) -> Vec<f64> {
 
 #[test]
 fn pq_is_the_sum_over_all_repetitions() {
-    // 25 pixels a period, two periods a patch, eight patches; along y a sixteenth of the coherence is one patch.
+    // 25 pixels per period, two periods per patch, eight patches; along y a sixteenth of the coherence is one patch.
     let field = Synthetic {
         shape: Shape::Grating(Profile::Blazed),
         pixels: 50,
@@ -421,14 +422,14 @@ fn pq_is_the_sum_over_all_repetitions() {
         for q in [12.0, 23.0] {
             for k in -60..=60 {
                 let f = f64::from(k) * 0.4 / 20.0 + 0.003;
-                // The pixels of all repetitions, along x; along y the sum is that of a mirror.
+                // Pixels of all repetitions along x; along y the sum is that of a mirror.
                 let sum: Complex64 = (0..50 * n)
                     .map(|x| Complex64::from_polar(0.1, -q * field.um[x % 50] - TAU * f * 0.1 * x as f64))
                     .sum();
                 let along = 5.0 * n as f64;
                 let truth = sum.norm_sqr() / along * along;
                 let found = pq.density([f, 0.0], q, &mut scratch);
-                // An amplitude that is off by a part of the strongest lobe's.
+                // Amplitude error relative to the strongest lobe.
                 let area = pq.area_um2();
                 let most = limit * (truth * area).sqrt() + 0.25 * limit * limit * area;
                 assert!((found - truth).abs() <= most, "{linear} {q} {f}: {found} {truth}");

@@ -1,7 +1,7 @@
-//! Fourier transforms of a patch of which only the low frequencies are kept: orders beyond 2/λ leave the surface in no direction.
+//! Fourier transforms of a patch, limited to low frequencies: orders beyond 2/λ are evanescent.
 //!
-//! What costs is memory, not arithmetic: numbers travel in blocks that a line of the cache holds whole, what is kept of one set of rows
-//! stays in the cache until its columns are done, and of real functions only one half is ever written.
+//! Memory access dominates the cost. Data move in blocks of whole cache lines. The kept part of one set of rows stays
+//! in the cache until its columns are done, and of real functions only one half is written.
 
 use nacre_fourier::Fft;
 use num_complex::Complex;
@@ -10,10 +10,10 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Columns, and rows, that travel together: a line of the cache.
+/// Number of columns, and rows, per block: a cache line.
 const TOGETHER: usize = 8;
 
-/// Pairs of functions whose rows are transformed before their columns.
+/// Number of pairs of functions whose rows are transformed before their columns.
 pub(super) const AT_ONCE: usize = 2;
 
 /// f32 or f64.
@@ -48,26 +48,30 @@ fn zeros<T: Real>(count: usize) -> Vec<Complex<T>> {
     vec![Complex::new(T::zero(), T::zero()); count]
 }
 
-/// What is kept of a function's transform: `1/N Σ z exp(-2πi (fx x + fy y))` for the frequencies `fx = ix/width`, `fy = iy/height` (y up)
-/// of a part of the plane: `|ix|` and `|iy|` up to the plan's reach, and within its ellipse.
+/// Kept part of a function's transform, `1/N Σ z exp(-2πi (fx x + fy y))` for the frequencies `fx = ix/width`,
+/// `fy = iy/height` (y up).
+///
+/// `|ix|` and `|iy|` are within the plan's reach and its ellipse.
 pub(super) struct Plane<T> {
-    /// Of a real function the columns from 0 on, as the others are their conjugates; else from `-reach`.
+    /// First column: 0 for real functions, whose other columns are conjugates, else `-reach`.
     first: isize,
-    /// What the opposite of a frequency is its conjugate times: 1 or -1, as the factor of a real function is real or imaginary.
+    /// Factor between the value at the opposite frequency and the conjugate: 1 or -1 for a real or imaginary factor of
+    /// a real function.
     sign: T,
-    /// Groups of columns; in a group row after row, the highest frequency first. The last group may hold columns of zeros at its end.
+    /// Groups of columns. Within a group, rows follow each other from the highest frequency. The last group may end
+    /// with columns of zeros.
     groups: Vec<Vec<Complex<T>>>,
 }
 
 impl<T: Real> Plane<T> {
-    /// Of a function that has this value everywhere.
+    /// Transform of a constant function.
     pub(super) fn constant(value: T) -> Self {
         let mut row = zeros(TOGETHER);
         row[0] = Complex::new(value, T::zero());
         Self { first: 0, sign: T::one(), groups: vec![row] }
     }
 
-    /// Of one frequency, in cycles per patch; 0 where nothing is kept.
+    /// Value at a frequency in cycles per patch; 0 outside of the kept part.
     pub(super) fn at(&self, [ix, iy]: [isize; 2]) -> Complex<T> {
         if ix < self.first {
             return if self.first == 0 {
@@ -83,7 +87,7 @@ impl<T: Real> Plane<T> {
         group.get(row * TOGETHER + column % TOGETHER).copied().unwrap_or(Complex::new(T::zero(), T::zero()))
     }
 
-    /// Those of a row of frequencies, from the lowest to the highest.
+    /// Values of a row of frequencies, from the lowest to the highest.
     pub(super) fn row(&self, iy: isize, out: &mut [Complex<T>]) {
         out.fill(Complex::new(T::zero(), T::zero()));
         let middle = out.len() / 2;
@@ -103,26 +107,26 @@ impl<T: Real> Plane<T> {
     }
 }
 
-/// Makes rows of several functions: those of patch row `y`, one line of [`Plan::stride`] numbers for each from the function `first` on.
+/// Writes patch row `y` of several functions, from the function `first` on: one line of [`Plan::stride`] numbers each.
 pub(super) type Fill<'a, T> = dyn Fn(usize, usize, &mut [Complex<T>]) + Sync + 'a;
 
-/// Takes what is kept from a transformed line.
+/// Extracts the kept part of a transformed line.
 type Take<'a, T> = dyn Fn(&[Complex<T>], &mut [Complex<T>]) + Sync + 'a;
 
-/// Transforms of one size.
+/// Plan for transforms of one size.
 pub(super) struct Plan<T: Real> {
     width: usize,
     height: usize,
     reach: [usize; 2],
-    /// Half axes of the ellipse of frequencies that are kept, in cycles per patch.
+    /// Half axes of the ellipse of kept frequencies, in cycles per patch.
     axes: [f64; 2],
     rows: Arc<dyn Fft<T>>,
     columns: Arc<dyn Fft<T>>,
 }
 
 impl<T: Real> Plan<T> {
-    /// For patches of this size, and frequencies up to these and within an ellipse of these half axes, in cycles per patch. What is kept
-    /// goes beyond the ellipse by up to seven columns.
+    /// Creates a plan for patches of this size. `[mx, my]` and `axes` are the largest frequencies and the half axes of
+    /// their ellipse, in cycles per patch. The kept part exceeds the ellipse by up to seven columns.
     pub(super) fn new(width: usize, height: usize, [mx, my]: [usize; 2], axes: [f64; 2]) -> Self {
         Self {
             width,
@@ -139,13 +143,13 @@ impl<T: Real> Plan<T> {
         self.reach
     }
 
-    /// Numbers from the beginning of a line to that of the next: whole lines of the cache, and no power of two, of which all would fall
-    /// into the same few.
+    /// Distance between the starts of lines in numbers: whole cache lines, and no power of two, which would map all
+    /// lines to the same cache sets.
     pub(super) fn stride(width: usize) -> usize {
         width.next_multiple_of(TOGETHER) + TOGETHER
     }
 
-    /// Of real values.
+    /// Transform of real values.
     pub(super) fn real(&self, values: &[T]) -> Plane<T> {
         let row = |y: usize, _: usize, line: &mut [Complex<T>]| {
             let from = &values[y * self.width..][..self.width];
@@ -154,11 +158,12 @@ impl<T: Real> Plan<T> {
         let one = |_: usize| Complex::new(1.0, 0.0);
         let mut plane = None;
         self.series(1, &row, &one, |found| plane = Some(found));
-        // One function was asked for.
+        // Exactly one function was requested.
         plane.unwrap_or(Plane { first: 0, sign: T::one(), groups: vec![] })
     }
 
-    /// Of several real functions, each times a real or imaginary factor, one after another; `fill` makes pairs of them, as real and imaginary parts of one.
+    /// Transforms several real functions, each with a real or imaginary factor. `fill` writes pairs of them as real and
+    /// imaginary parts of one function.
     pub(super) fn series(
         &self,
         count: usize,
@@ -187,7 +192,7 @@ impl<T: Real> Plan<T> {
         }
     }
 
-    /// Of complex values.
+    /// Transform of complex values.
     pub(super) fn complex(&self, row: &(dyn Fn(usize, &mut [Complex<T>]) + Sync)) -> Plane<T> {
         let low = self.reach[0];
         let kept = 2 * low + 1;
@@ -200,13 +205,15 @@ impl<T: Real> Plan<T> {
         self.plane(&rows, (0, 1), -(low as isize), Complex::new(1.0, 0.0))
     }
 
-    /// Numbers of a block of rows of so many functions.
+    /// Number of values in a block of rows of `functions` functions.
     fn block(&self, functions: usize, kept: usize) -> usize {
         functions * kept.div_ceil(TOGETHER) * TOGETHER * TOGETHER
     }
 
-    /// Transforms rows: `fill` makes all lines of a row, and `take` takes from each transformed one what is kept of its `each` functions.
-    /// In a block of rows function follows function, in them groups of columns, in them rows.
+    /// Transforms rows. `fill` writes all lines of a row, and `take` extracts the kept part of its `each` functions
+    /// from each transformed line.
+    ///
+    /// The order within a block of rows is: functions, groups of columns, rows.
     fn rows(
         &self,
         out: &mut [Complex<T>],
@@ -235,7 +242,7 @@ impl<T: Real> Plan<T> {
         });
     }
 
-    /// Transforms the columns of one of so many functions.
+    /// Transforms the columns of one of `functions` functions.
     fn plane(
         &self,
         rows: &[Complex<T>],
@@ -260,7 +267,7 @@ impl<T: Real> Plan<T> {
             let from = first + (group * TOGETHER) as isize;
             let high = self.high([from, from + here as isize - 1]);
             let mut out = Vec::with_capacity((2 * high + 1) * TOGETHER);
-            // Row numbers grow downwards: the highest frequency is the most negative of the columns'.
+            // Row numbers increase downwards, so the highest frequency is the most negative one of the columns.
             Arch::new().dispatch(|| {
                 spread(columns, stride, self.height - high..self.height, factor, &mut out);
                 spread(columns, stride, 0..high + 1, factor, &mut out);
@@ -270,16 +277,17 @@ impl<T: Real> Plan<T> {
         Plane { first, sign: T::one(), groups: (0..groups).into_par_iter().map_init(work, group).collect() }
     }
 
-    /// Highest frequency that is kept of columns between these two.
+    /// Highest kept frequency of columns between these two.
     fn high(&self, [left, right]: [isize; 2]) -> usize {
         let nearest = if left <= 0 && right >= 0 { 0 } else { left.abs().min(right.abs()) };
         let across = nearest as f64 / self.axes[0];
-        // A cast of what is too large, or infinite, is the largest number.
+        // The cast limits infinite and too large values to the largest number.
         ((self.axes[1] * (1.0 - across * across).max(0.0).sqrt()).ceil() as usize).min(self.reach[1])
     }
 }
 
-/// Twice the transforms of the real part and of i times the imaginary part of what has this transform, for the frequencies from 0 on.
+/// Separates a joint transform into twice the transforms of the real part and of i times the imaginary part, for
+/// frequencies from 0 on.
 #[inline(always)]
 fn part<T: Real>(both: &[Complex<T>], real: &mut [Complex<T>], imaginary: &mut [Complex<T>]) {
     (real[0], imaginary[0]) = (both[0] + both[0].conj(), both[0] - both[0].conj());
@@ -289,7 +297,7 @@ fn part<T: Real>(both: &[Complex<T>], real: &mut [Complex<T>], imaginary: &mut [
     }
 }
 
-/// Columns, this far apart, from blocks of rows.
+/// Copies columns, `stride` numbers apart, from blocks of rows.
 #[inline(always)]
 fn gather<'a, T: Real>(tiles: impl Iterator<Item = &'a [Complex<T>]>, columns: &mut [Complex<T>], stride: usize) {
     for (b, tile) in tiles.enumerate() {
@@ -301,7 +309,7 @@ fn gather<'a, T: Real>(tiles: impl Iterator<Item = &'a [Complex<T>]>, columns: &
     }
 }
 
-/// Adds these rows of columns, times a factor.
+/// Appends these rows of columns, multiplied by a factor.
 #[inline(always)]
 fn spread<T: Real>(
     columns: &[Complex<T>],

@@ -1,6 +1,6 @@
-//! Exposures of one scene, one after the other, that become one photograph.
+//! Averages of successive exposures of one scene.
 
-/// Codes of one or more exposures, added up.
+/// Sum of the codes of one or more exposures.
 pub struct Averaging {
     width: usize,
     sums: Vec<u32>,
@@ -8,25 +8,26 @@ pub struct Averaging {
 }
 
 impl Averaging {
-    /// A first exposure: rows of `width` codes.
+    /// Starts with a first exposure in rows of `width` codes.
     pub fn new(width: usize, codes: &[u16]) -> Self {
         Self { width, sums: codes.iter().map(|&code| code.into()).collect(), count: 1 }
     }
 
-    /// Another one of the same size; at most 65,536 fit.
+    /// Adds an exposure of the same size; at most 65,536 fit.
     pub fn add(&mut self, codes: &[u16]) {
-        // Frames of another size are refused where they come from the camera.
+        // Frames of another size are refused when the camera delivers them.
         debug_assert_eq!(codes.len(), self.sums.len(), "exposures of one size");
         self.count += 1;
         self.sums.iter_mut().zip(codes).for_each(|(sum, &code)| *sum += u32::from(code));
     }
 
-    /// Width, height and means of a part (left, top, width, height; else all), times `factor`, rounded to the nearest code and at most 65535.
+    /// Width, height and mean codes of a region (left, top, width, height; default all). Means are multiplied by
+    /// `factor`, rounded, and limited to 65535.
     pub fn means(&self, part: Option<[usize; 4]>, factor: u32) -> (usize, usize, Vec<u16>) {
         let all = [0, 0, self.width, self.sums.len() / self.width.max(1)];
         let [left, top, width, height] = part.unwrap_or(all);
         let half = self.count / 2;
-        // What is more becomes 65535 in any case.
+        // Prevents overflow; larger sums give 65535 in any case.
         let most = (u32::MAX - half) / factor.max(1);
         let mean = |sum: &u32| ((sum.min(&most) * factor + half) / self.count).min(u16::MAX.into()) as u16;
         let rows = self.sums.chunks(self.width.max(1)).skip(top).take(height);
@@ -47,7 +48,7 @@ mod tests {
         assert_eq!(sum.means(Some([1, 1, 2, 1]), 2), (2, 1, vec![12, 13]), "more levels keep the halves");
     }
 
-    /// A camera whose codes exceed the white that it states is saturated there, not dark.
+    /// Codes above the camera's stated white are saturated, not dark.
     #[test]
     fn what_is_too_much_is_white() {
         let mut sum = Averaging::new(2, &[u16::MAX, 1]);

@@ -1,4 +1,4 @@
-//! BMP: palettes and RGB, as 8 bits.
+//! BMP files: palettes and RGB, as 8 bits.
 
 use ::image::codecs::bmp::BmpDecoder;
 use ::image::{ColorType, ImageDecoder};

@@ -1,4 +1,5 @@
-//! Time, memory and disk of operations. Photographs that need more memory than is allowed are refused before any is taken.
+//! Estimates of time, memory and disk for operations. Photographs that need too much memory are refused before any is
+//! allocated.
 
 use crate::{Depth, Info, info, size};
 use nacre_base::estimate::Work;
@@ -6,51 +7,53 @@ use nacre_base::{Error, Result};
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// Bytes of a GiB, for messages.
+/// Bytes per GiB, for messages.
 const GIB: f64 = (1_u64 << 30) as f64;
 
-/// Bytes that a decoded photograph takes, and as much again for its decoder: alpha, coefficients of a progressive JPEG.
+/// Bytes of a decoded photograph, doubled for its decoder (alpha, coefficients of a progressive JPEG).
 pub fn decoded(info: Info) -> u64 {
     2 * (info.width * info.height * info.channels * info.depth.bytes()) as u64
 }
 
-/// Bound in bytes of the memory for the overview picture of a map with this number of pixels. Maps above 1 Mpixel are scaled down first.
+/// Upper bound in bytes of the memory for the overview picture of a map with this number of pixels. Maps above 1 Mpixel
+/// are scaled down first.
 pub fn overview(pixels: u64) -> u64 {
     40 * pixels.min(1 << 20)
 }
 
-/// Operations that are predicted from the size of their input, each with its bytes of memory per pixel beside the decoded file. Polarization
-/// and HDR, which depend on brackets and dark photographs as well, predict theirs themselves.
+/// Operations whose cost follows from the size of their input, each with its memory in bytes per pixel, without the
+/// decoded file. Polarization and HDR depend on brackets and dark photographs too, and have estimates elsewhere.
 ///
 /// Times are those of the reference machine ([`Work`]), measured at 0.02 to 4 Mpixel (`tests/estimates`).
 ///
-/// The bounds are measured (peak of the resident memory at 4 and 16 Mpixel, in brackets) and rounded up. Not predicted, as no header says
-/// it, are calibration (windows of single photographs), meshes, octaves of lookup tables (at most 2 GiB), transforms of height
-/// fields, and spectra of renderings: for these the limit of the job's process is the net ([`nacre_base::contained`]).
+/// Memory bounds are rounded up from measured peaks of the resident memory at 4 and 16 Mpixel, given in brackets. No
+/// header determines the cost of calibration (windows of single photographs), meshes, octaves of lookup tables (at most
+/// 2 GiB), transforms of height fields, and spectra of renderings. For these, the memory limit of the job's process
+/// applies ([`nacre_base::contained`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
-    /// Deconvolution of a photograph, or of so many pixels of it: 44 (39 with the file).
+    /// Deconvolution of a photograph or a part of it: 44 (39 with the file).
     Bokeh {
-        /// Pixels of it, if not all.
+        /// Number of pixels of the part; `None` for all.
         part: Option<usize>,
-        /// Iterations, at most or in any case.
+        /// Number or upper limit of iterations.
         iterations: usize,
     },
-    /// Lookup table with this number of entries: 12 per pixel and channel of the photograph (14 with a grey file, 27 with a colour file), 22 per entry
-    /// (20).
+    /// Lookup table with this number of entries. 12 per pixel and channel of the photograph (14 with a grey file, 27
+    /// with a colour file), and 22 per entry (20).
     Table(usize),
-    /// Light of a photograph for the distribution of a foil: as a table.
+    /// Distribution of a foil from a photograph: as [`Self::Table`], without entries.
     Foil,
-    /// Gratings under so many flashes: 16 for the photograph and that by room light, 160 for a tile that fills it, and what the search for shared
-    /// gratings takes.
+    /// Gratings from this number of flash photographs. 16 for the photograph and that by room light, 160 for a tile of
+    /// the same size, and 80 MiB for the search for shared gratings.
     Flash(usize),
-    /// Fringes: 8 for each of so many, 200 for the fit.
+    /// This number of fringe photographs: 8 each, and 200 for the fit.
     Fringes(usize),
-    /// A height field and its transforms: 48 (42 with the file).
+    /// Height field and its transforms: 48 (42 with the file).
     Heights,
-    /// A picture to be rendered with so many samples of a pixel: 64 (55).
+    /// Rendering with this number of samples per pixel: 64 (55).
     Rendering(usize),
-    /// So many maps that are read, and their edited copies: 24 each (value, σ and mask of both).
+    /// This number of maps and their edited copies: 24 each (value, σ and mask of both).
     Maps(usize),
 }
 
@@ -71,7 +74,7 @@ impl Operation {
         bytes as u64 + file
     }
 
-    /// Time, memory and disk for input of this header.
+    /// Estimates time, memory and disk from the header of the input.
     ///
     /// # Errors
     /// As [`check`].
@@ -81,8 +84,8 @@ impl Operation {
         Ok(work)
     }
 
-    /// [`Self::check`] by the header of a file, whose channels may be those of a map. A file whose header is not understood is left to
-    /// its reader.
+    /// Estimates time, memory and disk from the header of a file, which may be a map with any channels. A file without
+    /// a known header is left to its reader.
     ///
     /// # Errors
     /// As [`check`].
@@ -94,7 +97,7 @@ impl Operation {
         }
     }
 
-    /// The same without a limit of memory.
+    /// As [`Self::check`], without the limit of memory.
     pub fn work(self, info: Info) -> Work {
         let pixels = info.width * info.height;
         let mega = |count: usize| count as f64 / 1e6;
@@ -122,10 +125,10 @@ impl Operation {
     }
 }
 
-/// Refuses photographs like this one when their computation needs more bytes than are allowed.
+/// Checks the memory for a computation on this photograph against the limit.
 ///
 /// # Errors
-/// `Input`, naming the photograph, its size, and both amounts of memory.
+/// `Input` above the limit, naming the photograph, its size, and both amounts of memory.
 pub fn check(photograph: &Path, info: Info, needed: u64) -> Result<()> {
     let Some(allowed) = allowed().filter(|allowed| needed > *allowed) else { return Ok(()) };
     let [needed, allowed] = [needed, allowed].map(|bytes| bytes as f64 / GIB);
@@ -138,14 +141,15 @@ pub fn check(photograph: &Path, info: Info, needed: u64) -> Result<()> {
 
 static ALLOWED: OnceLock<Option<u64>> = OnceLock::new();
 
-/// Bytes that a computation may take, determined when first asked for: those of [`allow`], or three quarters of the least of the machine's
-/// memory, its control group's and the process's limit. A quarter is left to the program itself, its threads and other programs.
-/// None where the system does not say.
+/// Largest memory of a computation in bytes, determined on the first call; `None` if the system does not report any.
+///
+/// This is the value given to [`allow`], or three quarters of the smallest of the machine's memory, the limit of the
+/// control group, and that of the process. A quarter remains for the program, its threads and other programs.
 pub fn allowed() -> Option<u64> {
     *ALLOWED.get_or_init(measured)
 }
 
-/// States the bytes that a computation may take. Once these were asked for, this has no effect.
+/// Sets the largest memory of a computation in bytes. It has no effect after the first call of [`allowed`].
 pub fn allow(bytes: u64) {
     let _ = ALLOWED.set(Some(bytes));
 }
@@ -167,19 +171,20 @@ mod linux {
     use std::fs::read_to_string;
     use std::path::Path;
 
-    /// Bytes of the machine's memory.
+    /// Physical memory of the machine in bytes.
     pub(super) fn physical() -> Option<u64> {
         bytes("/proc/meminfo", "MemTotal:")
     }
 
-    /// A line such as "MemTotal: 16384 kB" of the system's own text files.
+    /// Value in bytes of a line such as "MemTotal: 16384 kB" in a text file of the system.
     fn bytes(file: &str, key: &str) -> Option<u64> {
         let text = read_to_string(file).ok()?;
         let kib = text.lines().find_map(|line| line.strip_prefix(key))?.trim().strip_suffix(" kB")?;
         Some(kib.parse::<u64>().ok()? << 10)
     }
 
-    /// Smallest limit of the control groups (version 2) that the process is in: a container's, or `MemoryMax` of a systemd unit.
+    /// Smallest memory limit of the control groups (version 2) of the process, as of a container or `MemoryMax` of a
+    /// systemd unit.
     pub(super) fn control_group() -> Option<u64> {
         let own = read_to_string("/proc/self/cgroup").ok()?;
         smallest_limit(Path::new("/sys/fs/cgroup"), own.lines().find_map(|l| l.strip_prefix("0::/"))?)
@@ -190,7 +195,7 @@ mod linux {
         groups.filter_map(|g| read_to_string(root.join(g).join("memory.max")).ok()?.trim().parse().ok()).min()
     }
 
-    /// Bytes that the process's own limits leave: `ulimit -v` counts its address space, `ulimit -d` its private writable memory.
+    /// Smallest resource limit of the process: `ulimit -v` (address space) or `ulimit -d` (private writable memory).
     pub(super) fn process() -> Option<u64> {
         let left = |(resource, in_use)| {
             let limit = getrlimit(resource).current?;
@@ -237,7 +242,7 @@ mod tests {
         assert!(told.contains("period.exr") && told.contains("allowed"), "{told}");
     }
 
-    /// The machine's memory is known wherever there is a `/proc`, and less than all of it is allowed.
+    /// The physical memory is known where there is a `/proc`, and the limit is below it.
     #[test]
     fn the_machine_says_how_much_there_is() {
         let all = linux::physical().unwrap();

@@ -1,4 +1,4 @@
-//! An RGB picture to draw on.
+//! RGB canvas for drawing.
 
 use std::path::Path;
 
@@ -6,39 +6,39 @@ use super::font::Font;
 use super::write::write_png8;
 use nacre_base::Result;
 
-/// Red, green and blue, sRGB, 0 to 255.
+/// sRGB red, green and blue, 0 to 255.
 pub type Rgb = [u8; 3];
 
-/// A picture of 8-bit RGB pixels.
+/// Picture of 8-bit RGB pixels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Canvas {
     /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// `3 · width · height` samples, interleaved, row 0 on top.
     pub rgb: Vec<u8>,
 }
 
 impl Canvas {
-    /// A picture of one colour.
+    /// Creates a picture of one colour.
     pub fn new(width: usize, height: usize, color: Rgb) -> Self {
         let mut canvas = Self { width, height, rgb: vec![0; 3 * width * height] };
         canvas.fill(color);
         canvas
     }
 
-    /// Paints everything in one colour.
+    /// Fills the picture with one colour.
     pub fn fill(&mut self, color: Rgb) {
         self.rgb.as_chunks_mut::<3>().0.fill(color);
     }
 
-    /// Paints one pixel; nothing happens outside the picture.
+    /// Sets one pixel; ignored outside of the picture.
     pub fn set(&mut self, x: usize, y: usize, color: Rgb) {
         self.blend(x as i64, y as i64, color, 1.0);
     }
 
-    /// Paints a rectangle, clipped to the picture.
+    /// Fills a rectangle, clipped to the picture.
     pub fn rectangle(&mut self, x: usize, y: usize, width: usize, height: usize, color: Rgb) {
         let (left, right) = (x.min(self.width), (x + width).min(self.width));
         for row in y.min(self.height)..(y + height).min(self.height) {
@@ -47,7 +47,7 @@ impl Canvas {
         }
     }
 
-    /// Copies another picture to the column `x` and row `y`, clipped to this one.
+    /// Copies another picture to column `x` and row `y`, clipped to this one.
     pub fn blit(&mut self, other: &Self, x: usize, y: usize) {
         let columns = other.width.min(self.width.saturating_sub(x));
         for row in 0..other.height.min(self.height.saturating_sub(y)) {
@@ -56,7 +56,7 @@ impl Canvas {
         }
     }
 
-    /// Mixes a colour into a pixel, 0 (nothing) to 1 (all); nothing happens outside the picture.
+    /// Blends a colour into a pixel with a coverage of 0 to 1; ignored outside of the picture.
     pub(super) fn blend(&mut self, x: i64, y: i64, color: Rgb, coverage: f32) {
         let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else { return };
         if x < self.width && y < self.height {
@@ -68,7 +68,7 @@ impl Canvas {
         }
     }
 
-    /// Writes one line of text, its top left corner at (`x`, `y`), `size` pixels from ascender to descender.
+    /// Draws one line of text with its top left corner at (`x`, `y`), `size` pixels from ascender to descender.
     pub fn text(&mut self, x: f32, y: f32, size: f32, color: Rgb, text: &str) {
         let Some(font) = Font::new(size) else { return };
         let (mut left, baseline) = (x, y + font.ascent);
@@ -81,13 +81,13 @@ impl Canvas {
     /// Writes the picture as a PNG.
     ///
     /// # Errors
-    /// `Error::Output` when the system refuses.
+    /// `Error::Output` if the system refuses.
     pub fn save_png(&self, path: &Path) -> Result<()> {
         write_png8(path, self.width, self.height, 3, &self.rgb)
     }
 }
 
-/// Width in pixels of a line written by [`Canvas::text`].
+/// Width in pixels of a line drawn by [`Canvas::text`].
 pub fn text_width(size: f32, text: &str) -> f32 {
     Font::new(size).map_or(0.0, |font| text.chars().map(|sign| font.advance(sign)).sum())
 }

@@ -1,26 +1,27 @@
-//! Convolution with any kernel through the Fourier transform.
+//! Convolution by the fast Fourier transform.
 
 use nacre_fourier::{ComplexToReal, Fft, Real, RealToComplex, real_forward, real_inverse};
 use num_complex::Complex32;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A kernel, ready for images of one size.
+/// Transformed kernel for images of one size.
 pub struct Convolution {
-    /// Size of the transform.
+    /// Width of the padded transform.
     width: usize,
     height: usize,
     forward: Arc<dyn RealToComplex<f32>>,
     backward: Arc<dyn ComplexToReal<f32>>,
     columns: [Arc<dyn Fft<f32>>; 2],
-    /// The kernel's transform, column by column, divided by the number of values (the transforms do not normalise).
+    /// Transform of the kernel, column by column, divided by the number of values (the transforms do not normalise).
     kernel: Vec<Complex32>,
 }
 
 impl Convolution {
-    /// For images of `size` (width, height) with zeros beyond; `values` has odd width and height.
+    /// Prepares a kernel for images of `size` (width, height) with zeros beyond. Width and height of the kernel are
+    /// odd.
     pub fn new(size: [usize; 2], kernel: [usize; 2], values: &[f32]) -> Self {
-        // What wraps around comes from the zeros.
+        // Padding by half the kernel: only zeros wrap around.
         let [width, height] = [0, 1].map(|axis| good_size(size[axis] + kernel[axis] / 2));
         let mut this = Self {
             width,
@@ -40,7 +41,7 @@ impl Convolution {
         this
     }
 
-    /// Values per row of the half spectrum.
+    /// Number of values per row of the half spectrum.
     fn half(&self) -> usize {
         self.width / 2 + 1
     }
@@ -54,7 +55,7 @@ impl Convolution {
             |(input, scratch), (y, out)| {
                 input.fill(0.0);
                 fill(y, input);
-                // Lengths are the plan's own.
+                // The lengths are those of the plan, so this cannot fail.
                 _ = self.forward.process_with_scratch(input, out, scratch);
             },
         );
@@ -71,8 +72,9 @@ impl Convolution {
         );
     }
 
-    /// Convolves the image of which `fill` writes a row, if there is one (`adjoint`: with the mirrored kernel); rows of the width of the
-    /// transform.
+    /// Convolves an image, or correlates it with the kernel if `adjoint` (mirrored kernel).
+    ///
+    /// `fill(row, values)` writes one row of the image. The result has rows of [`Self::stride`] values.
     pub fn convolved(&self, fill: &(dyn Fn(usize, &mut [f32]) + Sync), adjoint: bool) -> Vec<f32> {
         let mut spectrum = self.transformed(fill);
         spectrum.par_iter_mut().zip(&self.kernel).for_each(|(v, k)| *v *= if adjoint { k.conj() } else { *k });
@@ -83,7 +85,7 @@ impl Convolution {
         rows.par_chunks_mut(half).zip(image.par_chunks_mut(self.width)).for_each_init(
             || self.backward.make_scratch_vec(),
             |scratch, (row, out)| {
-                // Rounding must not leave imaginary parts where a real signal has none.
+                // Rounding can leave imaginary parts that the spectrum of a real signal does not have.
                 row[0].im = 0.0;
                 row[half - 1].im *= odd as f32;
                 _ = self.backward.process_with_scratch(row, out, scratch);
@@ -92,13 +94,13 @@ impl Convolution {
         image
     }
 
-    /// Values per row of [`Self::convolved`].
+    /// Number of values per row of the result of [`Self::convolved`].
     pub fn stride(&self) -> usize {
         self.width
     }
 }
 
-/// Rows become columns; `width` values per row.
+/// Transposes a matrix with `width` values per row.
 fn turned(values: &[Complex32], width: usize) -> Vec<Complex32> {
     const TILE: usize = 16;
     let height = values.len() / width;
@@ -115,7 +117,7 @@ fn turned(values: &[Complex32], width: usize) -> Vec<Complex32> {
     out
 }
 
-/// The next size whose only factors are 2, 3 and 5, and even.
+/// Smallest even size from `at_least` on whose only prime factors are 2, 3 and 5.
 pub(super) fn good_size(at_least: usize) -> usize {
     let good = |n: &usize| {
         let mut n = *n;

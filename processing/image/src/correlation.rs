@@ -1,15 +1,15 @@
-//! How alike two fields are for every shift, where both are known.
+//! Normalised cross-correlation of two partly known fields for all shifts.
 
 use super::convolution::good_size;
 use nacre_fourier::Fourier;
 use num_complex::Complex32;
 
-/// Complex values of an image; 0 with a mask of 0 where unknown.
+/// Complex-valued image; values are 0 where the mask is 0.
 #[derive(Clone, Debug)]
 pub struct Field {
     /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Values, row-major.
     pub values: Vec<Complex32>,
@@ -17,7 +17,7 @@ pub struct Field {
     pub mask: Vec<f32>,
 }
 
-/// Likeness for shifts of up to the whole size, -1 to 1.
+/// Normalised cross-correlation for shifts of up to the whole size, -1 to 1.
 pub struct Correlation {
     width: usize,
     height: usize,
@@ -26,7 +26,7 @@ pub struct Correlation {
 }
 
 impl Field {
-    /// Takes the mean of what is known off it.
+    /// Subtracts the mean of the known values.
     pub fn centered(mut self) -> Self {
         let known = self.mask.iter().sum::<f32>().max(1.0);
         let mean = self.values.iter().sum::<Complex32>() / known;
@@ -36,7 +36,7 @@ impl Field {
 }
 
 impl Correlation {
-    /// `Σ a(x + d) b*(x)` over the root of what each holds where the other is known; `NaN`-free.
+    /// `Σ a(x + d) b*(x)` over the geometric mean of the powers of both fields within their overlap; never NaN.
     pub fn of(a: &Field, b: &Field) -> Self {
         let width = good_size(a.width + b.width);
         let height = good_size(a.height + b.height);
@@ -67,7 +67,7 @@ impl Correlation {
         let most = power_a.iter().chain(&power_b).copied().fold(f32::MIN_POSITIVE, f32::max);
         let likeness = (0..width * height).map(|i| {
             let both = (power_a[i].max(0.0) * power_b[i].max(0.0)).sqrt();
-            // Below this, rounding decides.
+            // Below this power, rounding errors dominate.
             if both < 1e-4 * most { 0.0 } else { (same[i] / both).clamp(-1.0, 1.0) }
         });
         Self { width, height, likeness: likeness.collect(), overlap }
@@ -78,17 +78,17 @@ impl Correlation {
         wrapped(dy, self.height) * self.width + wrapped(dx, self.width)
     }
 
-    /// Likeness for a shift in pixels, right and down.
+    /// Correlation at a shift in pixels, right and down.
     pub fn at(&self, shift: [i64; 2]) -> f32 {
         self.likeness[self.index(shift)]
     }
 
-    /// Pixels in which both are known.
+    /// Number of pixels in which both are known.
     pub fn overlap(&self, shift: [i64; 2]) -> f32 {
         self.overlap[self.index(shift)]
     }
 
-    /// A maximum's place between pixels, by a parabola through its neighbours.
+    /// Sub-pixel position of a maximum, by parabolas through its neighbours.
     pub fn between(&self, [dx, dy]: [i64; 2]) -> [f64; 2] {
         let here = self.at([dx, dy]);
         let off = |less: f32, more: f32| {
@@ -118,7 +118,7 @@ mod tests {
         let a = field(40, 30, |x, y| scene(x + 5, y + 9), |i| i % 11 != 3);
         let b = field(33, 37, scene, |i| i % 7 != 2);
         let found = Correlation::of(&a, &b);
-        // What a has at x, b has at x + (5, 9): a lies at -(5, 9).
+        // The content of a at x is at x + (5, 9) in b: a is shifted by -(5, 9).
         assert!(found.at([-5, -9]) > 0.999, "{}", found.at([-5, -9]));
         assert!(found.at([3, 2]).abs() < 0.3);
         let both = (0..28).flat_map(|y| (0..28).map(move |x| (x, y)));

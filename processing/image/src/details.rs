@@ -1,5 +1,5 @@
-//! Statements of image files about their pixel values, besides size and type: transfer curve, levels of black and white, orientation, and
-//! parts of the file that are not read.
+//! Statements of image files about their pixel values: transfer curve, black and white level, orientation, and parts of
+//! the file that are not read.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
@@ -18,62 +18,63 @@ use nacre_base::Result;
 pub struct Details {
     /// Size and type of its pixels.
     pub info: Info,
-    /// How values encode light, where the file says so.
+    /// Transfer curve, if the file states it.
     pub encoding: Option<Encoding>,
-    /// Largest value that a pixel can have, where it is not the largest of its type: 4095 for 12 bits.
+    /// Largest possible pixel value, if it is not that of the sample type: 4095 for 12 bits.
     pub white: Option<f64>,
-    /// File value of no light, where the file states it.
+    /// Black level in file values, if the file states it.
     pub black: Option<f64>,
-    /// Exif orientation that viewers would apply; 1 is none.
+    /// Exif orientation for viewers, 1 to 8; 1 is unchanged.
     pub orientation: u16,
-    /// Parts of the file that are not read or are missing, each a clause: "has 3 pages, of which the first is read".
+    /// Clauses about parts of the file that are missing or not read: "has 3 pages, of which the first is read".
     pub notes: Vec<String>,
 }
 
 impl Details {
-    /// Takes black and white as the file states them.
+    /// Sets black and white level from the file's statements.
     fn levels(&mut self, levels: Option<[f64; 2]>) {
         (self.black, self.white) = levels.map_or((None, None), |[black, white]| (Some(black), Some(white)));
     }
 }
 
-/// How values encode light, and where the file says so.
+/// Transfer curve with its source in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Encoding {
-    /// The curve.
+    /// Transfer curve.
     pub curve: Curve,
-    /// Part of the file: "gAMA 0.45455", "ICC profile".
+    /// Part of the file that states it: "gAMA 0.45455", "ICC profile".
     pub source: String,
 }
 
-/// A curve from light to file values.
+/// Transfer curve from light to file values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Curve {
     /// Values are proportional to light.
     Linear,
-    /// The curve of IEC 61966-2-1.
+    /// Curve of sRGB (IEC 61966-2-1).
     Srgb,
-    /// Value = light^(1/gamma).
+    /// Power law: value = light^(1/gamma).
     Gamma(f64),
-    /// Any other curve, which is not supported.
+    /// Any other curve; not supported.
     Other,
 }
 
-/// Largest distance of two curves that count as one, in light between 0 and 1: rounding of 16-bit tables and of gAMA.
+/// Largest difference in light (0 to 1) of two curves that count as equal: covers the rounding of 16-bit tables and of
+/// gAMA.
 const SAME_CURVE: f64 = 0.002;
 
 impl Curve {
-    /// From the exponent of gAMA: value = light^exponent.
+    /// Curve of a gAMA exponent: value = light^exponent.
     pub(super) fn of_exponent(exponent: f64) -> Self {
         match exponent {
             e if !(0.1..=10.0).contains(&e) => Self::Other,
-            // Rounded to five digits in files.
+            // Files round the exponent to five digits.
             e if (e - 1.0).abs() < 1e-4 => Self::Linear,
             e => Self::Gamma(1.0 / e),
         }
     }
 
-    /// Light at a file value between 0 and 1; `None` for curves that are not read.
+    /// Light at a file value between 0 and 1; `None` for unsupported curves.
     pub fn light(self, value: f64) -> Option<f64> {
         match self {
             Self::Linear => Some(value),
@@ -84,7 +85,7 @@ impl Curve {
         }
     }
 
-    /// The curve that a function from value to light is.
+    /// Classifies a function from value to light.
     fn of(light: impl Fn(f64) -> f64) -> Self {
         let exponent = light(0.5).ln() / 0.5_f64.ln();
         let far = |curve: Self| {
@@ -95,13 +96,13 @@ impl Curve {
         near.unwrap_or(Self::Other)
     }
 
-    /// The transfer curve of an ICC profile; `None` without a valid profile or curve.
+    /// Transfer curve of an ICC profile; `None` without a valid profile or curve.
     pub(super) fn of_profile(profile: &[u8]) -> Option<Self> {
         let profile = ColorProfile::new_from_slice(profile).ok()?;
         Some(match profile.green_trc.or(profile.gray_trc)? {
             ToneReprCurve::Lut(table) => match table.as_slice() {
                 [] => Self::Linear,
-                // Unsigned fixed point with eight bits after the point.
+                // Unsigned fixed point with eight fractional bits.
                 [gamma] => Self::of(|v| v.powf(f64::from(*gamma) / 256.0)),
                 table => {
                     let last = table.len() - 1;
@@ -122,7 +123,7 @@ impl Curve {
     }
 }
 
-/// Reads everything of a photograph but its pixels.
+/// Reads the statements of a photograph about its values, without its pixels.
 ///
 /// # Errors
 /// As [`info`](super::info).
@@ -134,7 +135,7 @@ fn of(path: &Path) -> Decoded<Details> {
     let mut source = open(path)?;
     let format = sniff(&mut source)?;
     let info = header(path, source, format)?;
-    // Decoders keep the file that they were given.
+    // Decoders keep the file that they are given.
     let source = &mut open(path)?;
     let mut details = Details { info, encoding: None, white: None, black: None, orientation: 1, notes: vec![] };
     match format {
@@ -163,12 +164,12 @@ fn of(path: &Path) -> Decoded<Details> {
     Ok(details)
 }
 
-/// The encoding that an ICC profile states.
+/// Encoding stated by an ICC profile.
 pub(super) fn encoding(profile: &[u8]) -> Option<Encoding> {
     Curve::of_profile(profile).map(|curve| Encoding { curve, source: "ICC profile".into() })
 }
 
-/// Reads at most `limit` bytes of a part of a file that has `length`; `None` for longer ones.
+/// Reads `length` bytes of a file; `None` if they exceed `limit`.
 pub(super) fn part(source: &mut Source, length: u64, limit: u64) -> Decoded<Option<Vec<u8>>> {
     if length > limit {
         source.seek(SeekFrom::Current(length.try_into().unwrap_or(i64::MAX)))?;

@@ -1,4 +1,4 @@
-//! How a photograph was exposed, as its Exif tags say.
+//! Exposure settings and orientation from Exif tags.
 
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -9,26 +9,26 @@ use exif::{In, Reader, Tag, Value};
 use nacre_base::guard::guarded;
 use nacre_base::input;
 
-/// Most bytes of a file that are searched for tags.
+/// Number of bytes of a file that are searched for tags.
 const SEARCHED: u64 = 256 << 20;
 
-/// Exposure settings; `None` where the tag is absent or senseless.
+/// Exposure settings; `None` where the tag is absent or invalid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
     /// Exposure time in s.
     pub seconds: Option<f64>,
     /// Sensitivity (ISO).
     pub iso: Option<f64>,
-    /// Focal length over aperture.
+    /// f-number.
     pub f_number: Option<f64>,
 }
 
-/// The exposure settings of a photograph, or `None` when the file cannot be read or has no Exif tags.
+/// Exposure settings of a photograph; `None` if the file cannot be read or has no Exif tags.
 pub fn exposure(path: &Path) -> Option<Exposure> {
     tags(path, |tags| {
         let field = |tag| tags.get_field(tag, In::PRIMARY).map(|field| &field.value);
         let number = |tag| field(tag).and_then(positive);
-        // Units of APEX: time 2^-value s, f-number 2^(value/2).
+        // APEX units: time is 2^-value s, f-number 2^(value/2).
         let apex = |tag, per: f64| field(tag).and_then(any).map(|value| (value * per).exp2());
         Some(Exposure {
             seconds: number(Tag::ExposureTime).or_else(|| apex(Tag::ShutterSpeedValue, -1.0)),
@@ -43,7 +43,7 @@ pub fn exposure(path: &Path) -> Option<Exposure> {
             f_number: number(Tag::FNumber).or_else(|| apex(Tag::ApertureValue, 0.5)),
         })
     })
-    // Camera raw files that are no TIFF.
+    // Camera raw files that are not TIFF files.
     .or_else(|| taken(path).map(|t| Exposure { seconds: t.seconds, iso: t.iso, f_number: t.aperture }))
 }
 
@@ -51,16 +51,16 @@ pub fn exposure(path: &Path) -> Option<Exposure> {
 fn tags<T>(path: &Path, take: impl FnOnce(&exif::Exif) -> Option<T>) -> Option<T> {
     let file = input::open(path, MAX_BYTES).ok()?;
     let decode = || take(&Reader::new().read_from_container(&mut BufReader::new(file.take(SEARCHED))).ok()?);
-    // Tags that no decoder reads are as good as none.
+    // Unreadable tags count as absent.
     guarded(decode).ok().flatten()
 }
 
-/// The orientation tag of a JPEG: 1 as stored, 2 to 8 turned or mirrored; `None` without one.
+/// Orientation tag of a JPEG: 1 as stored, 2 to 8 rotated or mirrored; `None` without one.
 pub(super) fn orientation(path: &Path) -> Option<u16> {
     tags(path, turned)
 }
 
-/// The orientation tag in a block of tags.
+/// Orientation in a block of Exif tags.
 pub(super) fn orientation_in(tags: Vec<u8>) -> Option<u16> {
     guarded(|| turned(&Reader::new().read_raw(tags).ok()?)).ok().flatten()
 }
@@ -70,15 +70,15 @@ fn turned(tags: &exif::Exif) -> Option<u16> {
     u16::try_from(value).ok().filter(|o| ORIENTATIONS.contains(o))
 }
 
-/// Values of the orientation tag.
+/// Valid values of the orientation tag.
 pub(super) const ORIENTATIONS: std::ops::RangeInclusive<u16> = 1..=8;
 
-/// A finite number above zero.
+/// Finite positive number.
 fn positive(value: &Value) -> Option<f64> {
     any(value).filter(|x| *x > 0.0)
 }
 
-/// A finite number. The crate's own conversions to integers and `f32` lose 1/3 s and the like.
+/// Finite number. The crate's conversions to integers and `f32` would be inexact for 1/3 s and others.
 fn any(value: &Value) -> Option<f64> {
     let number = match value {
         Value::Rational(v) => v.first().map(|r| f64::from(r.num) / f64::from(r.denom)),

@@ -1,4 +1,4 @@
-//! Why a file cannot be decoded, before its path is known.
+//! Errors of decoders, before the path of the file is attached.
 
 use std::fmt;
 use std::io;
@@ -14,10 +14,10 @@ pub(super) const RENEW: &str = "copy or export the file again";
 /// Remedy for unsupported files with integer samples of up to 16 bits.
 pub(super) const SAME_DEPTH: &str = "convert it to a grey or RGB PNG or TIFF of the same depth";
 
-/// Remedy for numbers that integers of up to 16 bits do not hold.
+/// Remedy for numbers that integers of up to 16 bits cannot hold.
 pub(super) const FLOATS: &str = "save it as a TIFF of 32-bit floats";
 
-/// Why a decoder gave up; becomes an [`Error::Input`] once the path is known.
+/// Error of a decoder; becomes an [`Error::Input`] with the path of the file.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Fault {
     problem: String,
@@ -33,17 +33,17 @@ impl Fault {
         Self { problem: format!("is truncated or damaged: {words}"), remedy: RENEW.into() }
     }
 
-    /// An image beyond the size limits.
+    /// The image exceeds the size limits.
     pub(super) fn too_large(problem: String) -> Self {
         Self { problem, remedy: "crop or scale it down".into() }
     }
 
-    /// A file that cannot be opened as an image.
+    /// The file cannot be opened as an image.
     pub(super) fn unusable(problem: impl fmt::Display, remedy: impl Into<String>) -> Self {
         Self { problem: problem.to_string(), remedy: remedy.into() }
     }
 
-    /// The error that a user sees.
+    /// Attaches the path, for a message to users.
     pub(super) fn at(self, path: &Path) -> Error {
         Error::file(path, self.problem, self.remedy)
     }
@@ -54,7 +54,7 @@ impl From<io::Error> for Fault {
         match error.kind() {
             io::ErrorKind::NotFound => Self::unusable("does not exist", "check the path"),
             io::ErrorKind::UnexpectedEof => Self::damaged("the file ends too early"),
-            // What decoders say through an I/O error about content, rather than what the system says.
+            // Decoders report damaged content as I/O errors of these kinds; others come from the system.
             io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput | io::ErrorKind::Other => Self::damaged(error),
             _ => Self::unusable(format!("cannot be read: {error}"), "check the path, its permissions and the disk"),
         }

@@ -1,7 +1,8 @@
-//! FITS: the image of the primary header and data unit, or of the only image extension where the primary one is empty.
+//! FITS files: the image of the primary header and data unit, or the only image extension if the primary unit is empty.
 //!
-//! The first row of FITS is at the bottom, and comes out last (row 0 on top), unless the keyword `ROWORDER` says `TOP-DOWN`. Values are
-//! `BZERO + BSCALE · stored`: unsigned bytes and 16-bit integers (`BZERO = 32768`) stay integers, everything else becomes `f32`.
+//! The first row of FITS is at the bottom and becomes the last one (row 0 on top), unless the keyword `ROWORDER` is
+//! `TOP-DOWN`. Values are `BZERO + BSCALE · stored`. Unsigned bytes and 16-bit integers (`BZERO = 32768`) stay
+//! integers; all other types become `f32`.
 
 use std::collections::HashMap;
 use std::io::{Read, Seek, SeekFrom};
@@ -10,13 +11,13 @@ use super::fault::{Decoded, Fault};
 use super::raster::{Depth, Info, Raster, Samples, zeroed};
 use super::source::Source;
 
-/// Bytes of a block; headers and data are whole blocks.
+/// Bytes per block; headers and data consist of whole blocks.
 const BLOCK: usize = 2880;
-/// Bytes of a card: one keyword.
+/// Bytes per card, which holds one keyword.
 const CARD: usize = 80;
-/// Most blocks of a header (100,800 keywords).
+/// Largest number of blocks of a header (100,800 keywords).
 const MAX_BLOCKS: usize = 2800;
-/// Most units that are passed in search of an image.
+/// Largest number of units that are searched for an image.
 const MAX_UNITS: usize = 64;
 const EXPORT: &str = "export one image of it as 16-bit or floating-point FITS or TIFF";
 
@@ -30,28 +31,28 @@ enum Stored {
     F64,
 }
 
-/// Size and type of an image as its header states them.
+/// Size and type of an image, from its header.
 #[derive(Debug, PartialEq)]
 struct Image {
     info: Info,
     stored: Stored,
     zero: f64,
     scale: f64,
-    /// Stored integer that stands for no value.
+    /// Stored integer of undefined values.
     blank: Option<i64>,
     top_down: bool,
-    /// The value from which a pixel is saturated, as the keyword says it.
+    /// Saturation level (keyword `SATURATE`).
     saturated: Option<f64>,
 }
 
-/// Keywords and their values as text, strings without quotes.
+/// Keywords and their values as text; strings are without quotes.
 type Header = HashMap<String, String>;
 
 pub(super) fn info(mut source: Source) -> Decoded<Info> {
     image(&mut source).map(|image| image.info)
 }
 
-/// Black and white: of the keyword `SATURATE`, or the highest value that signed integers of 16 bits hold.
+/// Black and white level: from the keyword `SATURATE`, or the largest signed 16-bit integer.
 pub(super) fn levels(mut source: Source) -> Decoded<Option<[f64; 2]>> {
     let image = image(&mut source)?;
     let integers = (image.stored == Stored::I16).then(|| image.zero + image.scale * f64::from(i16::MAX));
@@ -76,7 +77,7 @@ pub(super) fn read(mut source: Source) -> Decoded<Raster> {
                 let at = (y * width + x) * channels + channel;
                 match &mut samples {
                     Samples::U8(out) => out[at] = stored[0],
-                    // Stored as signed, 32768 lower.
+                    // Stored as signed integers, offset by 32768.
                     Samples::U16(out) => out[at] = u16::from_be_bytes([stored[0], stored[1]]) ^ 0x8000,
                     Samples::F32(out) => out[at] = image.value(stored),
                 }
@@ -98,7 +99,7 @@ impl Stored {
 }
 
 impl Image {
-    /// The value of stored bytes; NaN where they stand for none.
+    /// Value of stored bytes; NaN if undefined.
     fn value(&self, bytes: &[u8]) -> f32 {
         let mut word = [0; 8];
         word[..bytes.len()].copy_from_slice(bytes);
@@ -118,7 +119,8 @@ impl Image {
     }
 }
 
-/// The image; the source is at its data. Images beside the primary one are left aside; of several without a primary one none is meant.
+/// Finds the image, and places the source at its data. Further images are ignored; several without a primary one are
+/// ambiguous.
 fn image(source: &mut Source) -> Decoded<Image> {
     let length = source.get_ref().metadata()?.len();
     source.seek(SeekFrom::Start(0))?;
@@ -159,7 +161,7 @@ fn image(source: &mut Source) -> Decoded<Image> {
     Ok(image)
 }
 
-/// The keywords of the next unit; none at the end of the file.
+/// Reads the keywords of the next unit; `None` at the end of the file.
 fn header(source: &mut Source) -> Decoded<Option<Header>> {
     let mut header = Header::new();
     for index in 0..MAX_BLOCKS {
@@ -187,7 +189,7 @@ fn header(source: &mut Source) -> Decoded<Option<Header>> {
     Err(Fault::damaged("its header has no END"))
 }
 
-/// The value of a card: of `KEYWORD = value / comment`.
+/// Value of a card `KEYWORD = value / comment`.
 fn value(card: &[u8]) -> Option<String> {
     let text = String::from_utf8_lossy(card.get(8..)?);
     let text = text.strip_prefix("= ")?.trim();
@@ -197,7 +199,7 @@ fn value(card: &[u8]) -> Option<String> {
     }
 }
 
-/// A number of the header; Fortran's exponent `D` is one.
+/// Number in the header, also with Fortran's exponent `D`.
 fn number(header: &Header, keyword: &str) -> Decoded<Option<f64>> {
     let Some(text) = header.get(keyword).filter(|text| !text.is_empty()) else { return Ok(None) };
     match text.replace(['D', 'd'], "E").parse::<f64>() {
@@ -206,7 +208,7 @@ fn number(header: &Header, keyword: &str) -> Decoded<Option<f64>> {
     }
 }
 
-/// Lengths of the axes, fastest first; trailing ones of length 1 are left out.
+/// Lengths of the axes, fastest first, without trailing axes of length 1.
 fn axes(header: &Header) -> Decoded<Vec<u64>> {
     let count = number(header, "NAXIS")?.ok_or_else(|| Fault::damaged("its header has no NAXIS"))?;
     if !(0.0..=999.0).contains(&count) {

@@ -1,21 +1,21 @@
-//! The font of pictures: glyphs and their widths from skrifa, their coverage of pixels from ab_glyph_rasterizer.
+//! Font of pictures: glyphs and widths from skrifa, pixel coverage from ab_glyph_rasterizer.
 
 use ab_glyph_rasterizer::{Point, Rasterizer, point};
 use skrifa::instance::{LocationRef, Size};
 use skrifa::outline::{DrawSettings, OutlinePen};
 use skrifa::{FontRef, GlyphId, MetadataProvider};
 
-/// The font at one size.
+/// Font at one size.
 pub(super) struct Font {
     font: FontRef<'static>,
     /// Pixels per font unit.
     scale: f32,
-    /// From the upper edge of a line to its baseline, in pixels.
+    /// Distance from the upper edge of a line to its baseline, in pixels.
     pub ascent: f32,
 }
 
 impl Font {
-    /// The font at `size` pixels from ascender to descender. It is part of the program: `None` only if its crate ships a broken one.
+    /// Built-in font at `size` pixels from ascender to descender; `None` only if the font's crate is broken.
     pub fn new(size: f32) -> Option<Self> {
         let font = FontRef::new(epaint_default_fonts::UBUNTU_LIGHT).ok()?;
         let metrics = font.metrics(Size::unscaled(), LocationRef::default());
@@ -23,21 +23,22 @@ impl Font {
         Some(Self { font, scale, ascent: scale * metrics.ascent })
     }
 
-    /// Glyph 0 stands for what the font does not have.
+    /// Glyph of a character; 0 if the font has none.
     fn glyph(&self, sign: char) -> GlyphId {
         self.font.charmap().map(sign).unwrap_or(GlyphId::NOTDEF)
     }
 
-    /// From this sign to the next in pixels. The font has no table of kerning.
+    /// Advance width of a character in pixels. The font has no kerning table.
     pub fn advance(&self, sign: char) -> f32 {
         let metrics = self.font.glyph_metrics(Size::unscaled(), LocationRef::default());
         self.scale * metrics.advance_width(self.glyph(sign)).unwrap_or_default()
     }
 
-    /// Calls `paint` with column, row and coverage (0 to 1) of each pixel around a sign whose baseline begins at (`x`, `y`).
+    /// Calls `paint` with column, row and coverage (0 to 1) of each pixel of a character whose baseline begins at (`x`,
+    /// `y`).
     pub fn draw(&self, sign: char, x: f32, y: f32, mut paint: impl FnMut(i64, i64, f32)) {
         let Some(glyph) = self.font.outline_glyphs().get(self.glyph(sign)) else { return };
-        // Whole pixels are added at the end, so that equal fractions give equal pixels wherever they are.
+        // Whole pixels are added last, so that equal fractions give equal coverage at any position.
         let mut outline = Outline { scale: self.scale, origin: point(x.fract(), y.fract()), ..Outline::default() };
         if glyph.draw(DrawSettings::unhinted(Size::unscaled(), LocationRef::default()), &mut outline).is_err() {
             return;
@@ -64,7 +65,7 @@ impl Font {
     }
 }
 
-/// An outline in pixels, y down.
+/// Outline in pixels, y down.
 #[derive(Default)]
 struct Outline {
     scale: f32,
@@ -124,7 +125,7 @@ mod tests {
         }
     }
 
-    /// `|` is a rectangle: its coverage adds up to width times height, wherever it stands.
+    /// `|` is a rectangle: its coverage adds up to width times height at any position.
     #[test]
     fn coverage_adds_up_to_the_area() {
         let font = Font::new(1000.0).unwrap();

@@ -2,11 +2,11 @@
 
 use super::fault::Fault;
 
-/// Depth kept, and no tone curve put on.
+/// Remedy that keeps the depth and applies no tone curve.
 const DEEP: &str = "convert it to a 16-bit PNG or TIFF (an 8-bit one loses depth)";
 const PLAIN: &str = "convert it to PNG or TIFF of the same depth";
 
-/// The refusal of a file by its first bytes; none where they are of no known format.
+/// Error for a known unsupported format by the first bytes of the file; `None` for unknown formats.
 pub(super) fn refusal(head: &[u8]) -> Option<Fault> {
     let refuse = |name: &str, remedy| Some(Fault::unusable(format!("is a {name} file, which is not read"), remedy));
     if let [0, 0, 0, _, b'f', b't', b'y', b'p', brand @ ..] = head {

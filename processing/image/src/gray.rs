@@ -1,31 +1,31 @@
-//! Photographs as brightness alone.
+//! Grey images.
 
 use crate::{Raster, Samples, read};
 use nacre_base::Result;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Brightness as the file has it (not linear light), any unit, `width · height` values, row 0 on top.
+/// Grey image of `width · height` values in file units (not linear light), row 0 on top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gray {
     /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Values; never NaN.
     pub values: Vec<f32>,
 }
 
 impl Gray {
-    /// Reads a photograph; colours become their mean.
+    /// Reads a photograph as the mean of its channels.
     ///
     /// # Errors
-    /// `Input` for a file that is none.
+    /// As [`read()`].
     pub fn read(path: &Path) -> Result<Self> {
         Ok(Self::of(&read(path)?))
     }
 
-    /// Mean of a picture's channels.
+    /// Mean of an image's channels.
     pub fn of(raster: &Raster) -> Self {
         let n = raster.channels;
         let mean = |value: &(dyn Fn(usize) -> f32 + Sync)| -> Vec<f32> {
@@ -41,13 +41,13 @@ impl Gray {
         Self { width: raster.width, height: raster.height, values }
     }
 
-    /// Value of a pixel; outside, of the nearest one.
+    /// Value of a pixel; beyond the border, of the nearest pixel.
     pub fn near(&self, x: i64, y: i64) -> f32 {
         let (x, y) = (x.clamp(0, self.width as i64 - 1), y.clamp(0, self.height as i64 - 1));
         self.values[y as usize * self.width + x as usize]
     }
 
-    /// Value between pixels, bilinear.
+    /// Bilinear interpolation at a position.
     pub fn at(&self, [x, y]: [f64; 2]) -> f32 {
         let (left, top) = (x.floor(), y.floor());
         let (fx, fy) = ((x - left) as f32, (y - top) as f32);
@@ -56,7 +56,7 @@ impl Gray {
         row(top) * (1.0 - fy) + row(top + 1) * fy
     }
 
-    /// Half as wide and high: means of 2 × 2 pixels.
+    /// Reduces the image to half its size by means of 2 × 2 pixels.
     pub fn halved(&self) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
         let value = |i: usize| {
@@ -67,7 +67,7 @@ impl Gray {
         Self { width, height, values: (0..width * height).into_par_iter().map(value).collect() }
     }
 
-    /// Blurred by 1-2-1 along rows and columns: a Gaussian of 0.7 px.
+    /// Blurs rows and columns with the weights 1-2-1, a Gaussian of 0.7 px.
     pub fn softened(&self) -> Self {
         let mean = |left: f32, middle: f32, right: f32| 0.5 * middle + 0.25 * (left + right);
         let (width, last) = (self.width, self.height.saturating_sub(1));

@@ -1,10 +1,10 @@
-//! Homographies: a plane seen by a camera without a lens.
+//! Homographies: perspective maps of a plane.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-/// The homography from places on a plane to places in a picture, from four pairs or more; none when they lie on a line.
+/// Homography from points on a plane to points in an image, from four or more pairs; `None` for collinear points.
 ///
-/// Direct linear transformation with both sides moved and scaled first (Hartley and Zisserman 2004, algorithm 4.2).
+/// Normalised direct linear transformation (Hartley and Zisserman 2004, algorithm 4.2).
 pub fn homography(plane: &[[f64; 2]], seen: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     if plane.len() < 4 || plane.len() != seen.len() {
         return None;
@@ -21,12 +21,12 @@ pub fn homography(plane: &[[f64; 2]], seen: &[[f64; 2]]) -> Option<Matrix3<f64>>
             rows[(2 * k + 1, 6 + c)] = -q[1] * p[c];
         }
     }
-    // The vector that all rows are perpendicular to.
+    // The null vector of the rows.
     let eigen = (rows.transpose() * &rows).symmetric_eigen();
     let mut order: Vec<usize> = (0..9).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
     let [least, next, most] = [order[0], order[1], order[8]].map(|k| eigen.eigenvalues[k].max(0.0));
-    // Two such vectors: too many on a line.
+    // A second null vector: too many points are collinear.
     if next <= 1e-10 * most || !least.is_finite() {
         return None;
     }
@@ -38,7 +38,7 @@ pub fn homography(plane: &[[f64; 2]], seen: &[[f64; 2]]) -> Option<Matrix3<f64>>
     (scale != 0.0 && scale.is_finite()).then(|| h / scale)
 }
 
-/// Moves the mean to the origin and scales the root mean square distance to √2.
+/// Similarity that moves the mean to the origin and scales the root mean square distance to √2.
 fn evened(points: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     let n = points.len() as f64;
     let mean = points.iter().fold([0.0; 2], |m, p| [m[0] + p[0] / n, m[1] + p[1] / n]);
@@ -47,7 +47,7 @@ fn evened(points: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     s.is_finite().then(|| Matrix3::new(s, 0.0, -s * mean[0], 0.0, s, -s * mean[1], 0.0, 0.0, 1.0))
 }
 
-/// Where a homography takes a place.
+/// Image of a point under a homography.
 pub fn mapped(h: &Matrix3<f64>, [x, y]: [f64; 2]) -> [f64; 2] {
     let v = h * Vector3::new(x, y, 1.0);
     [v[0] / v[2], v[1] / v[2]]

@@ -1,7 +1,7 @@
-//! Values between samples.
+//! Interpolation between samples.
 
-/// Weights of four samples, by Catmull and Rom's cubic convolution (Keys 1981), for a place between the second and the third of them:
-/// `t` is 0 at the second and 1 at the third.
+/// Weights of four samples by cubic convolution (Catmull-Rom; Keys 1981), for a position between the second and the
+/// third: `t` is 0 at the second and 1 at the third.
 #[inline(always)]
 pub fn catmull_rom(t: f32) -> [f32; 4] {
     let (square, cube) = (t * t, t * t * t);

@@ -1,7 +1,7 @@
-//! JPEG: 8 bits, grey or RGB.
+//! JPEG files: 8 bits, grey or RGB.
 //!
-//! The decoder fills truncated pictures with grey, so the segments are walked here first. A picture is whole when its end marker is there
-//! (the one of an embedded thumbnail does not count), or when it does not depend on bytes behind its data.
+//! The decoder fills truncated images with grey, so the segments are parsed here first. An image is complete if it has
+//! its end marker (that of an embedded thumbnail does not count), or if it does not depend on bytes after its data.
 
 use std::io::{BufRead, ErrorKind, Read, Seek, SeekFrom};
 
@@ -20,20 +20,21 @@ const HUFFMAN_TABLES: u8 = 0xc4;
 /// Frames with arithmetic coding, which have no Huffman tables.
 const ARITHMETIC: [u8; 4] = [0xc9, 0xca, 0xcb, 0xcd];
 
-/// Frames of ITU-T T.87.
+/// Frames of JPEG-LS (ITU-T T.87).
 const JPEG_LS: u8 = 0xf7;
 
-/// Frames whose scans refine the picture.
+/// Progressive frames, whose scans refine the image.
 const PROGRESSIVE: [u8; 4] = [0xc2, 0xc6, 0xca, 0xce];
 const NO_END: &str = "no end of image marker";
 
-/// Follows the start marker of files without Huffman tables: with the mark of Motion JPEG the decoder takes those of ITU T.81, K.3.
+/// Motion JPEG marker, placed after the start marker of files without Huffman tables. The decoder then uses the tables
+/// of ITU-T T.81, K.3.
 const MOTION_JPEG: [u8; 18] = *b"\xff\xe0\x00\x10AVI1\0\0\0\0\0\0\0\0\0\0";
 
-/// Parts of a JPEG that are missing and not needed.
+/// Missing parts of a JPEG without which it can be decoded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Missing {
-    /// The marker at the end.
+    /// End marker.
     pub end: bool,
     /// Huffman tables.
     pub tables: bool,
@@ -57,7 +58,7 @@ pub(super) fn missing(source: &mut Source) -> Decoded<Missing> {
                 tables |= scans == 0 && (marker == HUFFMAN_TABLES || ARITHMETIC.contains(&marker));
                 segment(source)?;
             }
-            // The last of several scans may be missing as a whole.
+            // The last of several scans may be missing altogether.
             Err(_) if scans == 1 && !progressive => break false,
             Err(fault) => return Err(fault),
         }
@@ -68,7 +69,7 @@ pub(super) fn missing(source: &mut Source) -> Decoded<Missing> {
     Ok(Missing { end: !end, tables: !tables })
 }
 
-/// Bytes put behind files without an end marker. A picture that depends on them lacks data.
+/// Bytes appended to files without an end marker. An image that depends on them is truncated.
 const TAILS: [&[u8]; 2] = [b"\xff\xd9", b"\x3a\xc5\x96\x0f\x71\xe8\x4d\xb2\x1b\x64\xa9\x53\xff\xd9"];
 
 pub(super) fn read(mut source: Source) -> Decoded<Raster> {
@@ -112,13 +113,13 @@ fn pixels(file: &[u8], info: Info) -> Decoded<Vec<u8>> {
     Ok(samples)
 }
 
-/// Decodes a strip or tile of a TIFF, of `columns` columns and `least` to `most` rows. With `ycc` its three channels are converted from YCbCr to
-/// RGB.
+/// Decodes a strip or tile of a TIFF with `columns` columns and `least` to `most` rows. `ycc` selects conversion of
+/// three channels from YCbCr to RGB.
 pub(super) fn chunk(file: &[u8], [columns, least, most]: [usize; 3], channels: usize, ycc: bool) -> Decoded<Vec<u8>> {
     let color = match (channels, ycc) {
         (1, _) => ColorSpace::Luma,
         (_, true) => ColorSpace::RGB,
-        // Without a mark of Adobe's the decoder takes three channels for these, and converts nothing.
+        // Without an Adobe marker the decoder assumes YCbCr; this output does not convert.
         (_, false) => ColorSpace::YCbCr,
     };
     let mut decoder = decoder(file, color);
@@ -162,8 +163,8 @@ fn header(source: &mut Source) -> Decoded<Info> {
     }
 }
 
-/// Name of a coding that is not decoded, by the marker of its frame (ITU-T T.81, table B.1). None for Huffman-coded baseline, extended and
-/// progressive frames, which are decoded.
+/// Name of an unsupported coding by the marker of its frame (ITU-T T.81, table B.1). `None` for supported frames:
+/// baseline, extended and progressive with Huffman coding.
 fn coding(marker: u8) -> Option<&'static str> {
     match marker {
         0xc0..=0xc2 => None,
@@ -191,7 +192,7 @@ fn frame(segment: &[u8]) -> Decoded<Info> {
     Info::checked(size, components.into(), Depth::U8, components.into(), 1)
 }
 
-/// The next marker other than a restart; skips entropy-coded data.
+/// Finds the next marker other than a restart, and skips entropy-coded data.
 fn next_marker(source: &mut Source) -> Decoded<u8> {
     loop {
         source.skip_until(0xff)?;
@@ -213,7 +214,7 @@ fn read_byte(source: &mut Source) -> Decoded<u8> {
     }
 }
 
-/// The content of the segment whose marker was just read (at most 64 KiB).
+/// Content of the segment whose marker was just read (at most 64 KiB).
 fn segment(source: &mut Source) -> Decoded<Vec<u8>> {
     let length = u16::from_be_bytes([read_byte(source)?, read_byte(source)?]);
     let mut content = vec![0; usize::from(length.saturating_sub(2))];
@@ -221,10 +222,10 @@ fn segment(source: &mut Source) -> Decoded<Vec<u8>> {
     Ok(content)
 }
 
-/// Largest ICC profile that is read; 255 segments hold 16 MiB.
+/// Largest ICC profile in bytes; 255 segments hold 16 MiB.
 const MAX_PROFILE: usize = 16 << 20;
 
-/// The ICC profile, put together from its segments.
+/// ICC profile, assembled from its segments.
 pub(super) fn profile(source: &mut Source) -> Decoded<Option<Vec<u8>>> {
     source.seek(SeekFrom::Start(2))?;
     let mut profile = Vec::new();
@@ -233,7 +234,7 @@ pub(super) fn profile(source: &mut Source) -> Decoded<Option<Vec<u8>>> {
             START_OF_SCAN | END_OF_IMAGE => break,
             0xe2 => {
                 let content = segment(source)?;
-                // After the name: number of the segment, and of how many.
+                // After the name: number of the segment, and number of segments.
                 if let Some(part) = content.strip_prefix(b"ICC_PROFILE\0").and_then(|rest| rest.get(2..))
                     && profile.len() + part.len() <= MAX_PROFILE
                 {

@@ -1,4 +1,28 @@
-//! Images in and out: photographs of any usual format, EXR maps and pictures for people.
+//! Images: photographs of all usual formats as a [`Raster`], EXR maps with attributes, pictures with legends,
+//! registration, and convolution.
+//!
+//! - [`read()`], [`info`] and [`details()`]: photographs, told by their content. Damaged files give an error, never a
+//!   panic.
+//! - [`write_exr`] and [`read_exr`]: maps of 32-bit floats, NaN where masked, with units and pixel pitch as attributes.
+//! - [`orientation_picture`] and [`scalar_picture`]: maps as PNG pictures with a legend.
+//! - [`registration`]: sub-pixel shifts between photographs behind a rotating analyser.
+//!
+//! Writing a map and reading it back:
+//!
+//! ```
+//! use nacre_image::{Attribute, read_exr, write_exr};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("orientation.exr");
+//! let unit = ("unit", Attribute::Text("rad".into()));
+//! write_exr(&path, 640, 480, &["orientation"], &[unit], &|_channel, row, values| values.fill(0.001 * row as f32))?;
+//!
+//! let mut map = read_exr(&path)?;
+//! assert_eq!(map.attributes["unit"], "rad");
+//! let orientation = map.take("orientation", &path)?;
+//! assert_eq!(orientation[100 * map.width], 0.1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod averaging;
 mod bmp;

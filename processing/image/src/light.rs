@@ -1,4 +1,4 @@
-//! Pictures as light sources: linear radiance in Rec. 709 primaries, with what the file says about it.
+//! Images as light sources: linear radiance in Rec. 709 primaries, with notes on the file.
 
 use std::path::Path;
 
@@ -14,22 +14,22 @@ use nacre_base::Result;
 pub struct Light {
     /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// Radiance in Rec. 709 primaries, row 0 on top; infinities and NaN as the file has them.
+    /// Radiance in Rec. 709 primaries, row 0 on top, with the file's infinities and NaN.
     pub rgb: Vec<[f32; 3]>,
-    /// What was converted, chosen or left out.
+    /// Notes on conversions, choices and omissions.
     pub notes: Vec<String>,
 }
 
-/// Samples of a picture, interleaved.
+/// Samples of an image, interleaved.
 pub(super) enum Samples3 {
     Grey(Vec<f32>),
     Rgb(Vec<f32>),
 }
 
 impl Light {
-    /// Of samples in given primaries (Rec. 709 where there are none), which are converted.
+    /// Converts samples from the given primaries (default Rec. 709).
     pub(super) fn new(
         [width, height]: [usize; 2],
         samples: Samples3,
@@ -37,7 +37,7 @@ impl Light {
         mut notes: Vec<String>,
     ) -> Decoded<Self> {
         let rgb = match samples {
-            // Grey has the file's white, which is white here too.
+            // Grey has the chromaticity of the file's white, which is adapted to white.
             Samples3::Grey(values) => values.into_iter().map(|v| [v; 3]).collect(),
             Samples3::Rgb(values) => {
                 let mut rgb = values.as_chunks::<3>().0.to_vec();
@@ -63,10 +63,10 @@ impl Light {
     }
 }
 
-/// Part of a pixel's brightest component from which a negative one is worth a note.
+/// Smallest negative component that is noted, relative to the brightest component of the pixel.
 const CLIPPED: f32 = 0.01;
 
-/// Converts a pixel. Components that become negative are 0: their colour lies outside of the primaries. `Some` where that is visible.
+/// Converts a pixel. Negative components (colours outside of the gamut) become 0; `Some` if the change is visible.
 fn convert(matrix: &[[f64; 3]; 3], pixel: &mut [f32; 3]) -> Option<()> {
     let before = *pixel;
     *pixel = converted(matrix, before);
@@ -79,7 +79,7 @@ fn convert(matrix: &[[f64; 3]; 3], pixel: &mut [f32; 3]) -> Option<()> {
     (least < -CLIPPED * most).then_some(())
 }
 
-/// A pixel times a matrix, rows first; an infinite pixel stays as it is, so that it does not become NaN.
+/// Multiplies a pixel by a row-major matrix. An infinite pixel stays unchanged, so that it does not become NaN.
 pub(super) fn converted(matrix: &[[f64; 3]; 3], pixel: [f32; 3]) -> [f32; 3] {
     if pixel.iter().any(|v| !v.is_finite()) {
         return pixel;
@@ -87,10 +87,11 @@ pub(super) fn converted(matrix: &[[f64; 3]; 3], pixel: [f32; 3]) -> [f32; 3] {
     matrix.map(|row| row.iter().zip(pixel).map(|(m, v)| m * f64::from(v)).sum::<f64>() as f32)
 }
 
-/// Reads an OpenEXR or Radiance HDR file as light. `layer` names the layer of an OpenEXR file that has several pictures.
+/// Reads an OpenEXR or Radiance HDR file as light. `layer` names the layer of an OpenEXR file that has several.
 ///
 /// # Errors
-/// `Error::Input` as for [`super::read`], for other formats, and for a layer that is not there or not named where there are several.
+/// `Error::Input` as for [`super::read()`], for other formats, and for a layer that is absent or, among several, not
+/// named.
 pub fn read_light(path: &Path, layer: Option<&str>) -> Result<Light> {
     decode(path, || {
         let mut source = open(path)?;

@@ -1,23 +1,23 @@
-//! Photographs of a folder.
+//! Photographs in a folder.
 
 use super::EXTENSIONS;
 use nacre_base::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Most that are listed.
+/// Largest number of listed files.
 const LIMIT: usize = 100_000;
-/// Most names in a message.
+/// Largest number of names in a message.
 const SHOWN: usize = 6;
 
-/// Names of the photographs in a folder, sorted, by their endings; hidden files are left out.
+/// Paths of the photographs in a folder, recognised by extension and sorted, without hidden files.
 ///
 /// # Errors
-/// `Input` when the folder cannot be read or holds none.
+/// `Input` if the folder cannot be read or has no photographs.
 pub fn photographs(folder: &Path) -> Result<Vec<PathBuf>> {
     list(folder).map(|(files, _)| files)
 }
 
-/// As [`photographs`], and the names of the other files that are not hidden.
+/// As [`photographs`], with the paths of all other files that are not hidden.
 ///
 /// # Errors
 /// As [`photographs`].
@@ -42,7 +42,7 @@ pub fn list(folder: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
     Err(bad(format!("holds no photograph{but}")))
 }
 
-/// The file of this name in a folder; without one, the folder's only photograph. None where there is neither.
+/// File of this name in a folder, or else the folder's only photograph; `None` if there is neither.
 pub fn photograph_in(folder: &Path, name: &str) -> Option<PathBuf> {
     let named = folder.join(name);
     if named.is_file() {

@@ -1,44 +1,44 @@
-//! Where the zero order lies, to a fraction of a pixel.
+//! Sub-pixel position of the zero order.
 
 use nacre_base::{Error, Result};
 use nalgebra::{Matrix4, Vector4};
 
-/// Pixels brighter than this part of the brightest belong to the lobe.
+/// Threshold of the lobe, relative to its brightest pixel.
 const LOBE: f32 = 0.2;
 
-/// Largest radius of a lobe, of the photograph's shorter side.
+/// Largest radius of a lobe, relative to the shorter side of the photograph.
 const LARGEST: f64 = 0.2;
 
-/// Another place brighter than this part of the lobe may be the zero order as well.
+/// Relative brightness from which another maximum may be the zero order.
 const RIVAL: f64 = 0.5;
 
-/// Fewest pixels of a lobe, and largest scatter of ln light about a Gaussian.
+/// Smallest number of pixels of a lobe, and largest scatter of ln light about a Gaussian.
 const FEWEST: usize = 9;
 const SCATTER: f64 = 0.5;
 
-/// The least that a lobe's own shape leaves unknown, in pixels.
+/// Lower bound of the standard deviation in pixels, from the unknown shape of the lobe.
 const LEAST_SIGMA: f64 = 0.01;
 
-/// The zero order.
+/// Zero-order lobe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lobe {
-    /// Place in pixels from the left and from the top.
+    /// Position in pixels from the left and from the top.
     pub center: [f64; 2],
     /// Standard deviation of either coordinate, in pixels.
     pub sigma_px: f64,
-    /// Pixels of it are unknown (saturated): its place is that of its flanks.
+    /// Whether pixels are saturated; the position then follows from the flanks.
     pub saturated: bool,
-    /// Radius of what was looked at, in pixels.
+    /// Radius of the fitted region, in pixels.
     radius: usize,
 }
 
-/// Finds the brightest lobe, or the one around a place.
+/// Finds the brightest lobe, or the lobe at a given position.
 ///
-/// A Gaussian is a paraboloid in ln light, which is fitted by linear least squares, weighted by what ln light is worth; so saturated
-/// pixels need not be there.
+/// A Gaussian is a paraboloid in ln light. Linear least squares fits it, weighted by the precision of ln light.
+/// Saturated pixels are not needed.
 ///
 /// # Errors
-/// What is wrong, in words.
+/// A description of the problem for messages.
 pub fn find(light: &[f32], width: usize, height: usize, near: Option<[f64; 2]>) -> std::result::Result<Lobe, String> {
     let reach = (LARGEST * width.min(height) as f64).max(4.0);
     let around = |[x, y]: [f64; 2]| {
@@ -49,12 +49,12 @@ pub fn find(light: &[f32], width: usize, height: usize, near: Option<[f64; 2]>) 
         Some(place) => place,
         None => brightest(light, width, height).ok_or("there is no light in it")?,
     };
-    // Again around what was found, so that the window is centred.
+    // A second fit in a window centred on the first result.
     let first = around(start)?;
     around(around(first.center)?.center)
 }
 
-/// What to do about a zero order that is not found.
+/// Error for a zero order that is not found, with a remedy.
 pub fn not_found(problem: &str) -> Error {
     Error::input("zero order", problem, "say where it is with --center X,Y (pixels from the left and the top)")
 }
@@ -64,14 +64,14 @@ pub fn require(light: &[f32], width: usize, height: usize) -> Result<Lobe> {
     find(light, width, height, None).map_err(|problem| not_found(&problem))
 }
 
-/// Sums of 5 × 5 pixels; saturated pixels count as brighter than all others. Empty without light.
+/// Sums over 5 × 5 pixels; saturated pixels count as brighter than all others. Empty without light.
 fn sums(light: &[f32], width: usize, height: usize) -> Vec<f32> {
     let top = light.iter().copied().filter(|l| l.is_finite()).fold(0.0, f32::max);
     if top <= 0.0 {
         return vec![];
     }
     let value = |i: usize| if light[i].is_finite() { light[i] } else { 2.0 * top };
-    // Along rows, then along columns: each pixel is looked at ten times rather than 25.
+    // Rows first, then columns: 10 additions per pixel rather than 25.
     let around = |k: usize, n: usize| k.saturating_sub(2)..(k + 3).min(n);
     let rows: Vec<f32> = (0..width * height)
         .map(|i| around(i % width, width).map(|x| value(i / width * width + x)).sum::<f32>())
@@ -79,14 +79,14 @@ fn sums(light: &[f32], width: usize, height: usize) -> Vec<f32> {
     (0..width * height).map(|i| around(i / width, height).map(|y| rows[y * width + i % width]).sum::<f32>()).collect()
 }
 
-/// Middle of the brightest 5 × 5 pixels.
+/// Centre of the brightest 5 × 5 pixels.
 fn brightest(light: &[f32], width: usize, height: usize) -> Option<[f64; 2]> {
     let best = sums(light, width, height).into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
     Some([(best.0 % width) as f64, (best.0 / width) as f64])
 }
 
 impl Lobe {
-    /// Another place that is nearly as bright, which may be the zero order instead: where, and what part of this one's brightness.
+    /// Position and relative brightness of another maximum that may be the zero order.
     pub fn rival(&self, light: &[f32], width: usize, height: usize) -> Option<([f64; 2], f64)> {
         let sums = sums(light, width, height);
         let away = |i: &usize| {
@@ -99,18 +99,18 @@ impl Lobe {
         (share > RIVAL).then_some(([(other % width) as f64, (other / width) as f64], share))
     }
 
-    /// Radius of what was looked at, in pixels.
+    /// Radius of the fitted region, in pixels.
     pub fn radius(&self) -> usize {
         self.radius
     }
 
-    /// One that was given.
+    /// Lobe with a given position.
     pub fn given(center: [f64; 2], sigma_px: f64, saturated: bool) -> Self {
         Self { center, sigma_px, saturated, radius: 0 }
     }
 }
 
-/// Pixels in a square around a place.
+/// Pixels in a square around a pixel.
 fn square(size: [usize; 2], [x, y]: [usize; 2], radius: usize) -> impl Iterator<Item = (usize, usize)> {
     let range = move |k: usize, n: usize| k.saturating_sub(radius)..(k + radius + 1).min(n);
     range(y, size[1]).flat_map(move |row| range(x, size[0]).map(move |column| (column, row)))
@@ -119,7 +119,7 @@ fn square(size: [usize; 2], [x, y]: [usize; 2], radius: usize) -> impl Iterator<
 /// Fits a lobe around a pixel.
 fn fit(light: &[f32], size: [usize; 2], at: [usize; 2], reach: f64) -> std::result::Result<Lobe, String> {
     let value = |(x, y): (usize, usize)| light[y * size[0] + x];
-    // The lobe's radius: the window grows until most of its edge is dark.
+    // Radius of the lobe: the window grows until most of its border is dark.
     let mut radius = 2;
     let mut top;
     loop {
@@ -183,7 +183,7 @@ mod tests {
     fn spot(x: f64, y: f64, sigma: f64, clip: f64) -> Vec<f32> {
         let at = |i: usize| {
             let (dx, dy) = ((i % 120) as f64 - x, (i / 120) as f64 - y);
-            // A second, weaker order, and a little light everywhere.
+            // A second, weaker order, and a uniform background.
             let other = 0.5 * (-0.5 * ((dx - 40.0).powi(2) + dy * dy) / (sigma * sigma)).exp();
             let l = (-0.5 * (dx * dx + dy * dy) / (sigma * sigma)).exp() + other + 1e-3;
             if l > clip { f32::NAN } else { l as f32 }
@@ -207,7 +207,7 @@ mod tests {
             let problem = require(&light, 120, 90).unwrap_err().to_string();
             assert!(problem.contains("--center"), "{problem}");
         }
-        // A ramp is brightest at the border.
+        // The maximum of a ramp is at the border.
         let ramp: Vec<f32> = (0..120 * 90).map(|i| (i % 120) as f32).collect();
         assert!(find(&ramp, 120, 90, None).is_err());
     }

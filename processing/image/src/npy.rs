@@ -1,6 +1,6 @@
 //! NumPy arrays (NPY): real numbers of 8 to 64 bits, height × width, or height × width × 1 or 3, row 0 on top.
 //!
-//! Unsigned integers of 8 and 16 bits stay integers, everything else becomes `f32`.
+//! Unsigned integers of 8 and 16 bits stay integers; all other types become `f32`.
 
 use std::io::{Read, Seek};
 
@@ -10,7 +10,7 @@ use super::fault::{Decoded, Fault};
 use super::raster::{Depth, Info, Raster, Samples, zeroed};
 use super::source::Source;
 
-/// Most bytes of the header's text.
+/// Largest header in bytes.
 const MAX_HEADER: usize = 1 << 16;
 const SAVE: &str = "save an array of height x width or height x width x 3 numbers with `numpy.save`";
 
@@ -35,7 +35,7 @@ pub(super) fn info(mut source: Source) -> Decoded<Info> {
     header(&mut source).map(|array| array.info)
 }
 
-/// Black and white of signed integers of 8 and 16 bits: 0 and the highest that they hold.
+/// Black and white level of signed integers of 8 and 16 bits: 0 and the largest integer.
 pub(super) fn levels(mut source: Source) -> Decoded<Option<[f64; 2]>> {
     Ok(match header(&mut source)?.kind {
         Kind::Signed(1) => Some([0.0, i8::MAX.into()]),
@@ -80,7 +80,7 @@ impl Kind {
         bytes
     }
 
-    /// The number in these bytes, lowest first.
+    /// Number in these bytes, least significant byte first.
     fn value(self, bytes: &[u8]) -> f32 {
         let mut word = [0; 8];
         word[..bytes.len()].copy_from_slice(bytes);
@@ -99,7 +99,7 @@ impl Kind {
 }
 
 impl Array {
-    /// The place in the raster of a number by its place in the file.
+    /// Index in the raster of a number by its index in the file.
     fn place(&self, index: usize) -> usize {
         if !self.fortran {
             return index;
@@ -110,7 +110,7 @@ impl Array {
     }
 }
 
-/// The description of the array; the source is at its first number.
+/// Reads the description of the array, and places the source at its first number.
 fn header(source: &mut Source) -> Decoded<Array> {
     let mut start = [0; 8];
     source.read_exact(&mut start)?;
@@ -144,7 +144,7 @@ fn header(source: &mut Source) -> Decoded<Array> {
     Ok(array)
 }
 
-/// Reads a Python dictionary such as `{'descr': '<u2', 'fortran_order': False, 'shape': (480, 640), }`.
+/// Parses a Python dictionary such as `{'descr': '<u2', 'fortran_order': False, 'shape': (480, 640), }`.
 fn parse(text: &str) -> Decoded<Array> {
     let missing = |key: &str| Fault::damaged(format!("its header has no '{key}'"));
     let after = |key: &str| {
@@ -182,7 +182,7 @@ fn parse(text: &str) -> Decoded<Array> {
     Ok(Array { info, kind, little, fortran })
 }
 
-/// Type of the numbers, and whether the lowest byte is first.
+/// Type of the numbers, and whether they are little-endian.
 fn number(descr: &str) -> Decoded<(Kind, bool)> {
     let quote = descr.chars().next().filter(|c| matches!(c, '\'' | '"'));
     let Some(code) = quote.and_then(|q| descr[1..].split(q).next()) else {
@@ -211,7 +211,7 @@ fn number(descr: &str) -> Decoded<(Kind, bool)> {
     match order {
         "<" | "|" => Ok((kind, true)),
         ">" => Ok((kind, false)),
-        // The order of the machine that wrote it; machines of today have the lowest byte first.
+        // Native byte order of the writing machine; assumed to be little-endian.
         "=" => Ok((kind, true)),
         _ => Err(Fault::unusable(format!("is an array of type '{code}'"), SAVE)),
     }

@@ -1,4 +1,4 @@
-//! Colours of angles of lines: orientations and angles of linear polarization.
+//! Palettes for angles of lines: orientations and angles of linear polarization.
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -12,20 +12,22 @@ use super::canvas::Rgb;
 /// Colour of masked pixels: a grey that neither the palettes nor the scalar colours contain.
 pub const MASKED: Rgb = [64, 64, 64];
 
-/// Colours of a table for half a turn: steps of 0.03°, so that none of the 1530 saturated hues is missed.
+/// Number of colours for half a turn: steps of 0.03° include all 1530 saturated hues.
 const STEPS: usize = 6120;
 
-// The cyclic palette is an ellipse in OKLab, `CENTER + COSINE cos u + SINE sin u`. Of all ellipses within sRGB, it was searched for the largest
-// CIEDE2000 difference between angles 20° apart, seen by the colour-blind. Lightness is in the cosine alone.
+// The cyclic palette is an ellipse in OKLab, `CENTER + COSINE cos u + SINE sin u`. Of all ellipses within sRGB, it has
+// the largest CIEDE2000 difference between angles 20° apart for colour-blind readers. Only the cosine changes
+// lightness.
 const CENTER: [f64; 3] = [0.566, -0.007, 0.0];
 const COSINE: [f64; 3] = [0.368, -0.041, 0.017];
 const SINE: [f64; 3] = [0.0, -0.057, -0.094];
-/// Where the angle 0 is on the ellipse (rad). The four quadrants of 45° then have four different mean lightnesses.
+/// Position of the angle 0 on the ellipse (rad). The four quadrants of 45° then have four different mean lightnesses.
 const START: f64 = 5.847;
-/// Steps of equal CIEDE2000 difference: cosine and sine terms of the 1st, 2nd, … harmonic that are added to the angle on the ellipse (rad).
+/// Correction of the angle on the ellipse (rad) for equal CIEDE2000 steps: cosine and sine terms of the harmonics from
+/// the 1st on.
 const EVEN: [[f64; 2]; 5] = [[-0.009, -0.030], [-0.090, 0.052], [0.003, -0.027], [0.014, 0.000], [0.007, -0.005]];
 
-/// Which colours angles have. Half a turn is once around, as the angles of a line repeat after 180°.
+/// Palette for angles. Half a turn is a full cycle, because the angle of a line repeats after 180°.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Palette {
@@ -37,7 +39,7 @@ pub enum Palette {
 }
 
 impl Palette {
-    /// Colour of an angle in radians; θ and θ + π have the same.
+    /// Colour of an angle in radians, with a period of π.
     pub fn color(self, theta: f32) -> Rgb {
         let turns = (f64::from(theta) / (0.5 * TAU)).rem_euclid(1.0);
         let byte = |v: f64| (255.0 * v).round().clamp(0.0, 255.0) as u8;
@@ -47,7 +49,7 @@ impl Palette {
         }
     }
 
-    /// The colours as a table, for many pixels.
+    /// Colour table, for many pixels.
     pub fn table(self) -> ColorTable {
         let theta = |i: usize| (0.5 * TAU * i as f64 / STEPS as f64) as f32;
         ColorTable { colors: (0..STEPS).map(|i| self.color(theta(i))).chain([MASKED]).collect() }
@@ -74,24 +76,24 @@ impl FromStr for Palette {
     }
 }
 
-/// Colours of angles in steps of 0.03°, and [`MASKED`] at its end.
+/// Colours of angles in steps of 0.03°, and [`MASKED`] at the end.
 #[derive(Clone, Debug)]
 pub struct ColorTable {
     colors: Vec<Rgb>,
 }
 
 impl ColorTable {
-    /// Colour of an angle in radians; [`MASKED`] where it is not finite.
+    /// Colour of an angle in radians; [`MASKED`] if it is not finite.
     pub fn color(&self, theta: f32) -> Rgb {
         self.colors[Self::index(theta) as usize]
     }
 
-    /// All colours; those of [`Self::index`].
+    /// All colours, in the order of [`Self::index`].
     pub(super) fn colors(&self) -> &[Rgb] {
         &self.colors
     }
 
-    /// Where the colour of an angle is. No branches, so that it is vectorised.
+    /// Index of an angle's colour. It has no branches, so that it is vectorised.
     #[inline(always)]
     pub(super) fn index(theta: f32) -> i32 {
         let turns = theta / std::f32::consts::PI;
@@ -106,7 +108,7 @@ impl ColorTable {
     }
 }
 
-/// Linear sRGB of the cyclic palette, `turns` from 0 to 1 for angles from 0° to 180°; within 0 to 1.
+/// Linear sRGB (0 to 1) of the cyclic palette; `turns` from 0 to 1 are angles from 0° to 180°.
 pub(super) fn cyclic(turns: f64) -> [f64; 3] {
     let angle = TAU * turns;
     let harmonic = |(k, [c, s]): (usize, &[f64; 2])| {
@@ -117,7 +119,8 @@ pub(super) fn cyclic(turns: f64) -> [f64; 3] {
     linear_srgb_of_oklab([0, 1, 2].map(|i| CENTER[i] + COSINE[i] * cos + SINE[i] * sin))
 }
 
-/// B. Ottosson, "A perceptual color space for image processing" (2020), with his matrices of 2021.
+/// Linear sRGB of OKLab (B. Ottosson, "A perceptual color space for image processing", 2020, with the matrices of
+/// 2021).
 fn linear_srgb_of_oklab([lightness, a, b]: [f64; 3]) -> [f64; 3] {
     let l = (lightness + 0.396_337_777_4 * a + 0.215_803_757_3 * b).powi(3);
     let m = (lightness - 0.105_561_345_8 * a - 0.063_854_172_8 * b).powi(3);
@@ -129,7 +132,7 @@ fn linear_srgb_of_oklab([lightness, a, b]: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// IEC 61966-2-1.
+/// sRGB value of linear light (IEC 61966-2-1).
 fn srgb(light: f64) -> f64 {
     if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }

@@ -1,4 +1,4 @@
-//! Maps as pictures for people: colours, a legend that explains them, a title.
+//! Pictures of maps with colours, legend and title.
 
 use rayon::prelude::*;
 
@@ -9,12 +9,12 @@ use nacre_base::vectors::vectorised;
 
 const PAPER: Rgb = [250, 250, 250];
 const INK: Rgb = [25, 25, 25];
-/// Colours of the table for numbers.
+/// Number of colours for scalars.
 const SHADES: usize = 1024;
 /// Height of a scale bar with its label and the gap above, in text sizes.
 const SCALE_BAR: f32 = 3.0;
 
-/// Perceptually uniform dark to light colours for 0 to 1: the sixth-order fit of viridis by M. Zucker (CC0).
+/// Viridis, a perceptually uniform colour map from dark (0) to light (1): sixth-order fit by M. Zucker (CC0).
 pub fn viridis(t: f32) -> Rgb {
     const C: [[f32; 3]; 7] = [
         [0.277_727_33, 0.005_407_344_5, 0.334_099_8],
@@ -29,10 +29,11 @@ pub fn viridis(t: f32) -> Rgb {
     [0, 1, 2].map(|i| (C.iter().rev().fold(0.0, |sum, c| sum * t + c[i]) * 255.0).round().clamp(0.0, 255.0) as u8)
 }
 
-/// Draws the wheel that explains orientation colours: a ring between the radii `inner` and `radius` (pixels)
-/// around (`cx`, `cy`), coloured at angle φ, anticlockwise from the right, as the orientation φ. An orientation is
-/// a line, so each colour is at both of its ends. Labels for 0°, 45°, 90° and 135° stand outside the ring and need
-/// about 0.6 · `radius` of room to the right, a third above.
+/// Draws the colour wheel of orientations: a ring between the radii `inner` and `radius` (pixels) around (`cx`, `cy`).
+///
+/// The angle φ, anticlockwise from the right, has the colour of the orientation φ, so each colour appears at both ends
+/// of its line. Labels for 0°, 45°, 90° and 135° are outside of the ring. They need about 0.6 · `radius` of room to the
+/// right, and a third of that above.
 fn wheel(canvas: &mut Canvas, [cx, cy]: [f32; 2], [radius, inner]: [f32; 2], palette: Palette) {
     let reach = radius.ceil() as i64 + 1;
     let (mx, my) = (cx.round() as i64, cy.round() as i64);
@@ -60,11 +61,12 @@ fn label_size(radius: f32) -> f32 {
     (0.3 * radius).max(11.0)
 }
 
-/// A map of orientations at full resolution with its legend to the right: title, colour wheel, what is masked, scale bar.
+/// Draws an orientation map at full resolution with a legend to the right: title, colour wheel, key of masked pixels,
+/// scale bar.
 ///
-/// `pixel(column, row)` is an orientation in radians (any branch), or `None` or NaN where masked; it is called from
-/// several threads. Lines of `title` are wrapped to the width of the legend. `pixel_um` is the size of a pixel on the sample, or `None` for
-/// no scale bar.
+/// `pixel(column, row)` is an orientation in radians (any branch), or `None` or NaN where masked; several threads call
+/// it. Lines of `title` are wrapped to the width of the legend. `pixel_um` is the size of a pixel on the sample;
+/// without it there is no scale bar.
 pub fn orientation_picture(
     size: [usize; 2],
     pixel: &(dyn Fn(usize, usize) -> Option<f32> + Sync),
@@ -75,7 +77,7 @@ pub fn orientation_picture(
     orientation_rows(size, &by_pixel(pixel), title, palette, pixel_um)
 }
 
-/// The same of rows: `fill(row, values)` writes one, NaN where masked.
+/// As [`orientation_picture`], from rows: `fill(row, values)` writes one row, NaN where masked.
 pub fn orientation_rows(
     [width, height]: [usize; 2],
     fill: &(dyn Fn(usize, &mut [f32]) + Sync),
@@ -96,10 +98,12 @@ pub fn orientation_rows(
     canvas
 }
 
-/// A map of numbers at full resolution with its legend to the right: title, colour bar with ticks, what is masked, scale bar.
+/// Draws a scalar map at full resolution with a legend to the right: title, colour bar with ticks, key of masked
+/// pixels, scale bar.
 ///
-/// `value(column, row)` is `None` or NaN where masked; values outside `lo..hi` get the colour of the nearer end.
-/// `label` names the quantity and its unit. `pixel_um` is the size of a pixel on the sample, or `None` for no scale bar.
+/// `value(column, row)` is `None` or NaN where masked; values outside of `lo..hi` get the colour of the nearer end.
+/// `label` names the quantity and its unit. `pixel_um` is the size of a pixel on the sample; without it there is no
+/// scale bar.
 pub fn scalar_picture(
     size: [usize; 2],
     value: &(dyn Fn(usize, usize) -> Option<f32> + Sync),
@@ -111,7 +115,7 @@ pub fn scalar_picture(
     scalar_rows(size, &by_pixel(value), range, label, title, pixel_um)
 }
 
-/// The same of rows: `fill(row, values)` writes one, NaN where masked.
+/// As [`scalar_picture`], from rows: `fill(row, values)` writes one row, NaN where masked.
 pub fn scalar_rows(
     [width, height]: [usize; 2],
     fill: &(dyn Fn(usize, &mut [f32]) + Sync),
@@ -145,7 +149,7 @@ fn by_pixel<'a>(
     move |y, row| row.iter_mut().enumerate().for_each(|(x, value)| *value = pixel(x, y).unwrap_or(f32::NAN))
 }
 
-/// Colours the map in the left upper corner of the canvas. `index` is the place of a value's colour among `colors`.
+/// Colours the map in the upper left corner of the canvas. `index` is the index in `colors` of a value's colour.
 fn paint(
     canvas: &mut Canvas,
     [width, height]: [usize; 2],
@@ -170,19 +174,20 @@ fn paint(
     );
 }
 
-/// The strip to the right of a map.
+/// Legend to the right of a map.
 struct Legend {
-    /// Text size, pixels.
+    /// Text size in pixels.
     em: f32,
     width: usize,
     lines: Vec<String>,
-    /// Height that everything needs, pixels.
+    /// Required height in pixels.
     needed: usize,
     scale_bar: Option<ScaleBar>,
 }
 
 impl Legend {
-    /// Lays out the legend of a map of `columns` × `height` pixels; `body` is the height of wheel or colour bar with labels, in text sizes.
+    /// Lays out the legend of a map of `columns` × `height` pixels; `body` is the height of wheel or colour bar with
+    /// labels, in text sizes.
     fn new([columns, height]: [usize; 2], title: &str, body: f32, pixel_um: Option<f64>) -> Self {
         let em = (height as f32 / 40.0).clamp(15.0, 120.0);
         let width = (14.0 * em) as usize;
@@ -203,7 +208,7 @@ impl Legend {
         Canvas::new(width + self.width, height.max(self.needed), PAPER)
     }
 
-    /// Writes the title; returns the row below it.
+    /// Draws the title and returns the row below it.
     fn title(&self, canvas: &mut Canvas, left: usize) -> f32 {
         let mut y = self.em;
         for line in &self.lines {
@@ -224,7 +229,7 @@ impl Legend {
     }
 }
 
-/// Breaks text at spaces so that each line fits; newlines stay.
+/// Wraps text at spaces to a width in pixels; line breaks are kept.
 fn wrap(text: &str, size: f32, width: f32) -> Vec<String> {
     let mut lines = Vec::new();
     for paragraph in text.lines() {
@@ -242,7 +247,7 @@ fn wrap(text: &str, size: f32, width: f32) -> Vec<String> {
     lines
 }
 
-/// A vertical colour bar, the largest value on top.
+/// Vertical colour bar, the largest value on top.
 struct Bar {
     x: usize,
     top: usize,
@@ -270,7 +275,7 @@ impl Bar {
     }
 }
 
-/// About `count` round values (1, 2 or 5 times a power of ten apart) in `lo..=hi`, and the decimals they need.
+/// About `count` round values (steps of 1, 2 or 5 times a power of ten) in `lo..=hi`, and their number of decimals.
 fn ticks(lo: f32, hi: f32, count: f32) -> (Vec<f64>, usize) {
     let (lo, hi) = (f64::from(lo), f64::from(hi));
     let rough = (hi - lo) / f64::from(count);
@@ -322,7 +327,7 @@ mod tests {
         assert_eq!(ticks(0.0, 0.004, 4.0).1, 3);
     }
 
-    /// Not only a smoke test: with `NACRE_PICTURES=folder` the pictures stay there to be looked at.
+    /// `NACRE_PICTURES=folder` keeps the pictures for inspection.
     #[test]
     fn pictures_of_all_sizes() {
         let keep = std::env::var_os("NACRE_PICTURES").map(std::path::PathBuf::from);

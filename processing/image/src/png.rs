@@ -1,4 +1,4 @@
-//! PNG: 8 and 16 bits, grey or RGB; palettes and smaller depths are expanded to 8 bits.
+//! PNG files: 8 and 16 bits, grey or RGB; palettes and smaller depths are expanded to 8 bits.
 
 use ::image::codecs::png::PngDecoder;
 use ::image::{ColorType, ImageDecoder, Limits};
@@ -11,14 +11,14 @@ use super::fault::{Decoded, Fault, SAME_DEPTH};
 use super::raster::{Depth, Info, Raster, Samples, keep_channels, zeroed};
 use super::source::Source;
 
-/// Memory for everything but the pixels: one row, text and colour profile chunks.
+/// Memory besides the pixels in bytes: one row, text and colour profile chunks.
 const SIDE_BYTES: u64 = 64 << 20;
 
 pub(super) fn info(source: Source) -> Decoded<Info> {
     open(source).map(|(_, info, _)| info)
 }
 
-/// Decodes into `spare` where that is as long as the picture needs.
+/// Decodes into `spare` if it has the length of the image.
 pub(super) fn read(source: Source, spare: Vec<u16>) -> Decoded<Raster> {
     let (decoder, info, stored) = open(source)?;
     let bytes = usize::try_from(decoder.total_bytes()).map_err(Fault::damaged)?;
@@ -29,7 +29,7 @@ pub(super) fn read(source: Source, spare: Vec<u16>) -> Decoded<Raster> {
             Samples::U8(keep_channels(buffer, stored, info.channels))
         }
         _ => {
-            // Decoded in place: memory that is new to the program takes time, a second buffer a twentieth of the decoding.
+            // Decodes in place: new memory costs time, and a second buffer a twentieth of the decoding time.
             let mut buffer = if spare.len() == bytes / 2 { spare } else { zeroed::<u16>(bytes / 2)? };
             decoder.read_image(bytemuck::cast_slice_mut(&mut buffer))?;
             Samples::U16(keep_channels(buffer, stored, info.channels))
@@ -38,7 +38,7 @@ pub(super) fn read(source: Source, spare: Vec<u16>) -> Decoded<Raster> {
     info.raster(samples)
 }
 
-/// The decoder, what the header says, and how many channels are stored.
+/// Decoder, header information, and number of stored channels.
 fn open(source: Source) -> Decoded<(PngDecoder<Source>, Info, usize)> {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(SIDE_BYTES);
@@ -57,15 +57,15 @@ fn open(source: Source) -> Decoded<(PngDecoder<Source>, Info, usize)> {
     Ok((decoder, info, usize::from(color.channel_count())))
 }
 
-/// Most bytes of a colour profile, compressed and not, and of tags.
+/// Largest colour profile, compressed or not, and largest block of tags, in bytes.
 const MAX_PROFILE: u64 = 16 << 20;
 
-/// Code points of transfer characteristics in cICP (ITU-T H.273).
+/// Transfer characteristics in cICP (ITU-T H.273).
 const CICP_LINEAR: u8 = 8;
 const CICP_SRGB: u8 = 13;
 
-/// Adds what the chunks before the pixels say. Of several statements about the curve, the first of cICP, iCCP, sRGB and gAMA counts (PNG,
-/// third edition, 4.3).
+/// Adds the statements of chunks before the pixels. For the transfer curve, the first of cICP, iCCP, sRGB and gAMA
+/// applies (PNG, third edition, 4.3).
 pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()> {
     source.seek(SeekFrom::Start(8))?;
     let mut stated: [Option<Encoding>; 4] = [const { None }; 4];
@@ -110,7 +110,7 @@ pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()
     Ok(())
 }
 
-/// The profile in an iCCP chunk: name, zero, method, then deflated bytes.
+/// Profile in an iCCP chunk, which holds name, zero byte, method, and deflated bytes.
 fn profile(chunk: &[u8]) -> Option<Vec<u8>> {
     let name = chunk.iter().position(|b| *b == 0)?;
     let mut profile = Vec::new();

@@ -1,23 +1,23 @@
-//! Primaries of a picture's colours, and their conversion to Rec. 709.
+//! Primaries of colour spaces, and their conversion to Rec. 709.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// CIE (x, y) of red, green, blue and white.
+/// CIE chromaticities (x, y) of red, green, blue and white.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Primaries([[f64; 2]; 4]);
 
 const D65: [f64; 2] = [0.3127, 0.3290];
 const D50: [f64; 2] = [0.3457, 0.3585];
-/// White of ACES.
+/// White point of ACES.
 const ACES: [f64; 2] = [0.321_68, 0.337_67];
-/// White of cinema projectors.
+/// White point of cinema projectors (DCI).
 const DCI: [f64; 2] = [0.314, 0.351];
-/// White of equal energy.
+/// White point of equal energy.
 const E: [f64; 2] = [1.0 / 3.0, 1.0 / 3.0];
 
 const P3: [[f64; 2]; 3] = [[0.680, 0.320], [0.265, 0.690], [0.150, 0.060]];
 
-/// Primaries that have a name.
+/// Primaries with a name.
 const NAMED: [(&str, Primaries); 9] = [
     ("Rec. 709", Primaries::REC709),
     ("CIE XYZ", Primaries::XYZ),
@@ -30,7 +30,8 @@ const NAMED: [(&str, Primaries); 9] = [
     ("ProPhoto RGB", of([[0.7347, 0.2653], [0.1596, 0.8404], [0.0366, 0.0001]], D50)),
 ];
 
-/// Names of linear colour spaces (OpenColorIO, OpenImageIO, Color Interop Forum) in lower case, letters and digits only.
+/// Names of linear colour spaces (OpenColorIO, OpenImageIO, Color Interop Forum) in lower case, letters and digits
+/// only.
 const SPACES: [(&str, &[&str]); 6] = [
     (
         "Rec. 709",
@@ -60,29 +61,29 @@ const fn of([red, green, blue]: [[f64; 2]; 3], white: [f64; 2]) -> Primaries {
     Primaries([red, green, blue, white])
 }
 
-/// Difference of chromaticities that files round away.
+/// Tolerance of chromaticities, for the rounding in files.
 const ROUNDING: f64 = 1.5e-3;
 
 impl Primaries {
-    /// Those of linear sRGB.
+    /// Primaries of linear sRGB.
     pub(super) const REC709: Self = of([[0.640, 0.330], [0.300, 0.600], [0.150, 0.060]], D65);
 
-    /// Pixels are X, Y and Z themselves.
+    /// Primaries of CIE XYZ: pixels are X, Y and Z.
     pub(super) const XYZ: Self = of([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], E);
 
-    /// The attribute `chromaticities` of OpenEXR.
+    /// Primaries of the attribute `chromaticities` of OpenEXR.
     pub(super) fn from_exr(of: exr::meta::attribute::Chromaticities) -> Self {
         Self([of.red, of.green, of.blue, of.white].map(|c| [f64::from(c.0), f64::from(c.1)]))
     }
 
-    /// Those of a colour space by one of its usual names, linear ones only.
+    /// Primaries of a linear colour space by one of its usual names.
     pub(super) fn of_space(name: &str) -> Option<Self> {
         let plain: String = name.to_ascii_lowercase().chars().filter(char::is_ascii_alphanumeric).collect();
         let known = SPACES.iter().find(|(_, names)| names.contains(&plain.as_str()))?.0;
         NAMED.iter().find(|(name, _)| *name == known).map(|(_, primaries)| *primaries)
     }
 
-    /// Eight numbers: x and y of red, green, blue and white.
+    /// Primaries of eight numbers: x and y of red, green, blue and white.
     pub(super) fn from_numbers(numbers: [f64; 8]) -> Self {
         Self(std::array::from_fn(|k| [numbers[2 * k], numbers[2 * k + 1]]))
     }
@@ -91,7 +92,7 @@ impl Primaries {
         self.0.as_flattened().iter().zip(other.0.as_flattened()).all(|(a, b)| (a - b).abs() < ROUNDING)
     }
 
-    /// Name, or the chromaticities.
+    /// Name, or else the chromaticities.
     pub(super) fn name(&self) -> String {
         match NAMED.iter().find(|(_, known)| self.is_near(known)) {
             Some((name, _)) => (*name).into(),
@@ -102,13 +103,13 @@ impl Primaries {
         }
     }
 
-    /// Matrix from linear RGB to X, Y, Z with Y = 1 for white; none where primaries lie on a line.
+    /// Matrix from linear RGB to X, Y, Z with Y = 1 for white; `None` for collinear primaries.
     fn to_xyz(self) -> Option<Matrix3<f64>> {
         let [r, g, b, [x, y]] = self.0;
         if self.0.as_flattened().iter().any(|v| !v.is_finite() || v.abs() > 10.0) || y <= 0.0 {
             return None;
         }
-        // Columns with X + Y + Z = 1, as primaries may have y = 0.
+        // Columns are scaled to X + Y + Z = 1, because primaries may have y = 0.
         let column = |[x, y]: [f64; 2]| Vector3::new(x, y, 1.0 - x - y);
         let columns = Matrix3::from_columns(&[r, g, b].map(column));
         let white = Vector3::new(x / y, 1.0, (1.0 - x - y) / y);
@@ -117,15 +118,16 @@ impl Primaries {
         (strengths.iter().all(|s| s.is_finite() && *s > 0.0) && matrix.try_inverse().is_some()).then_some(matrix)
     }
 
-    /// Parts of R, G and B in the luminance; none where primaries lie on a line.
+    /// Luminance coefficients of R, G and B; `None` for collinear primaries.
     pub(super) fn luminance(self) -> Option<[f64; 3]> {
         let matrix = self.to_xyz()?;
         Some([0, 1, 2].map(|c| matrix[(1, c)]))
     }
 
-    /// Rows of the matrix to linear Rec. 709; none for primaries that are these, or `Err` where they lie on a line.
+    /// Rows of the matrix to linear Rec. 709; `None` for Rec. 709 itself, `Err` for collinear primaries.
     ///
-    /// White stays white (Bradford), as programs that convert between RGB spaces have it. X, Y and Z are converted as they are.
+    /// White stays white by Bradford's chromatic adaptation, as is usual between RGB spaces. X, Y and Z are converted
+    /// without adaptation.
     pub(super) fn to_rec709(self) -> Result<Option<[[f64; 3]; 3]>, ()> {
         if self.is_near(&Self::REC709) {
             return Ok(None);
@@ -138,7 +140,7 @@ impl Primaries {
     }
 }
 
-/// Chromatic adaptation of X, Y, Z from one white to another.
+/// Bradford's chromatic adaptation of X, Y, Z from one white point to another.
 fn bradford(from: [f64; 2], to: [f64; 2]) -> Option<Matrix3<f64>> {
     let cones = Matrix3::new(0.8951, 0.2664, -0.1614, -0.7502, 1.7135, 0.0367, 0.0389, -0.0685, 1.0296);
     let response = |[x, y]: [f64; 2]| cones * Vector3::new(x / y, 1.0, (1.0 - x - y) / y);
@@ -155,7 +157,7 @@ mod tests {
         let near = |a: [[f64; 3]; 3], b: [[f64; 3]; 3], tolerance: f64| {
             a.as_flattened().iter().zip(b.as_flattened()).all(|(a, b)| (a - b).abs() < tolerance)
         };
-        // ITU-R BT.2087, inverse; ACEScg to linear sRGB with Bradford, as in the ACES documents.
+        // Rec. 2020: inverse of ITU-R BT.2087. ACEScg to linear sRGB with Bradford, as in the ACES documents.
         let rec2020 = [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]];
         let ap1 =
             [[1.705_05, -0.621_79, -0.083_26], [-0.130_26, 1.140_80, -0.010_55], [-0.024_00, -0.128_97, 1.152_97]];

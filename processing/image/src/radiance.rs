@@ -1,6 +1,7 @@
-//! Radiance pictures (`.hdr`, `.pic`) in: RGBE and XYZE, all eight orientations, divided by exposure and colour correction.
+//! Radiance HDR files (`.hdr`, `.pic`): RGBE and XYZE in all eight orientations, divided by exposure and colour
+//! correction.
 //!
-//! The format is described in the Radiance manual, "Radiance File Formats".
+//! Source: the Radiance manual, "Radiance File Formats".
 
 use std::io::{BufRead, Read};
 
@@ -13,21 +14,21 @@ use super::source::Source;
 /// Longest header, in bytes.
 const MAX_HEADER: usize = 1 << 20;
 
-/// Widths of scanlines that may be compressed component by component.
+/// Widths of scanlines that may be compressed by component.
 const COMPRESSED: std::ops::RangeInclusive<usize> = 8..=32_767;
 
 /// Header of a picture.
 #[derive(Debug)]
 struct Header {
     xyz: bool,
-    /// Product of all exposures and colour corrections, for each component.
+    /// Product of all exposures and colour corrections, per component.
     exposure: [f64; 3],
     primaries: Option<Primaries>,
     order: Order,
     info: Info,
 }
 
-/// Resolution string: the order in which pixels are stored.
+/// Storage order of pixels, from the resolution string.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Order {
     /// Scanlines are columns.
@@ -41,7 +42,7 @@ struct Order {
 }
 
 impl Order {
-    /// Of a line such as `-Y 512 +X 768`.
+    /// Parses a line such as `-Y 512 +X 768`.
     fn parse(line: &str) -> Option<Self> {
         let words: Vec<&str> = line.split_whitespace().collect();
         let [first, scanlines, second, length] = words.as_slice() else { return None };
@@ -59,7 +60,7 @@ impl Order {
         if self.columns { [self.scanlines, self.length] } else { [self.length, self.scanlines] }
     }
 
-    /// Index, row by row from the top left, of a pixel of a scanline.
+    /// Row-major index, from the top left, of a pixel of a scanline.
     fn index(self, scanline: usize, pixel: usize) -> usize {
         let [width, height] = self.size();
         let [x, y] = if self.columns { [scanline, pixel] } else { [pixel, scanline] };
@@ -80,7 +81,7 @@ fn line(source: &mut Source, left: &mut usize) -> Decoded<String> {
     Ok(String::from_utf8_lossy(&bytes).trim_end_matches('\r').to_owned())
 }
 
-/// Reads a header; the source is at the first scanline then.
+/// Reads the header, and places the source at the first scanline.
 fn header(source: &mut Source) -> Decoded<Header> {
     let mut left = MAX_HEADER;
     line(source, &mut left)?;
@@ -90,7 +91,7 @@ fn header(source: &mut Source) -> Decoded<Header> {
         if line.is_empty() {
             break;
         }
-        // Lines that begin with a space are history: they belong to the pictures that this one was made of.
+        // Lines that begin with a space are history: they belong to the source pictures.
         let Some((key, value)) = line.split_once('=').filter(|_| !line.starts_with(char::is_whitespace)) else {
             continue;
         };
@@ -124,7 +125,7 @@ fn header(source: &mut Source) -> Decoded<Header> {
     Ok(Header { xyz, exposure, primaries, order, info })
 }
 
-/// As many numbers as there are to be.
+/// Parses exactly N numbers.
 fn numbers<const N: usize>(key: &str, text: &str) -> Decoded<[f64; N]> {
     let numbers: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
     let wrong = || {
@@ -138,7 +139,7 @@ pub(super) fn info(mut source: Source) -> Decoded<Info> {
     header(&mut source).map(|header| header.info)
 }
 
-/// The picture with its own primaries; X, Y and Z become Rec. 709.
+/// Reads the picture in the primaries of the file; X, Y and Z are converted to Rec. 709.
 pub(super) fn read(mut source: Source) -> Decoded<Raster> {
     let header = header(&mut source)?;
     let mut samples = pixels(&mut source, &header)?;
@@ -149,7 +150,7 @@ pub(super) fn read(mut source: Source) -> Decoded<Raster> {
     header.info.raster(Samples::F32(samples))
 }
 
-/// The picture as light, with notes on what its header says.
+/// Reads the picture as a light source, with notes on its header.
 pub(super) fn read_light(mut source: Source) -> Decoded<Light> {
     let header = header(&mut source)?;
     let samples = pixels(&mut source, &header)?;
@@ -167,7 +168,7 @@ fn pixels(source: &mut Source, header: &Header) -> Decoded<Vec<f32>> {
     let Header { order, exposure, .. } = *header;
     let mut samples = zeroed::<f32>(header.info.len())?;
     let mut scanline = vec![[0_u8; 4]; order.length];
-    // The mantissas are over 256, the exponent has an offset of 128.
+    // Mantissas are divided by 256, exponents have an offset of 128.
     let scale: Vec<[f64; 3]> =
         (0..=255).map(|e| exposure.map(|by| if e == 0 { 0.0 } else { 2.0_f64.powi(e - 136) / by })).collect();
     for k in 0..order.scanlines {
@@ -189,7 +190,7 @@ fn bytes<const N: usize>(source: &mut Source) -> Decoded<[u8; N]> {
     Ok(bytes)
 }
 
-/// Reads a scanline: component by component in runs, or pixels, of which (1, 1, 1, n) repeats the one before.
+/// Reads a scanline: runs by component, or pixels, of which (1, 1, 1, n) repeats the previous one.
 fn read_scanline(source: &mut Source, pixels: &mut [[u8; 4]]) -> Decoded<()> {
     let first = bytes::<4>(source)?;
     let length = usize::from(u16::from_be_bytes([first[2], first[3]]));

@@ -1,4 +1,4 @@
-//! Images in memory: samples, sizes, the limits of these, and the buffers that decoders fill.
+//! Images in memory: samples, sizes and their limits, and buffers for decoders.
 
 use std::fmt;
 
@@ -6,30 +6,30 @@ use super::fault::{Decoded, Fault};
 
 /// Longest side of an image, in pixels.
 pub const MAX_SIDE: usize = 65_535;
-/// Most pixels of an image (64 Mpixel).
+/// Largest number of pixels of an image (64 Mpixel).
 pub const MAX_PIXELS: usize = 64 << 20;
-/// Most bytes that one decoded image or one image file may take (4 GiB).
+/// Largest decoded image or image file in bytes (4 GiB).
 pub(super) const MAX_BYTES: u64 = 4 << 30;
 
-/// Samples as the file stores them; half floats, doubles and EXR integers become `f32`.
+/// Samples in the type of the file; half floats, doubles and EXR integers become `f32`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Samples {
     /// 0 to 255.
     U8(Vec<u8>),
     /// 0 to 65,535.
     U16(Vec<u16>),
-    /// Any value, NaN and infinities included.
+    /// Any value, also NaN and infinities.
     F32(Vec<f32>),
 }
 
-/// An image: `samples[(row · width + column) · channels + channel]`, row 0 on top.
+/// Image: `samples[(row · width + column) · channels + channel]`, row 0 on top.
 ///
-/// Pixels are in the order of the file: an orientation tag (Exif) is not applied.
+/// Pixels are in the order of the file; an orientation tag (Exif) is not applied.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Raster {
     /// Pixels per row, 1 to [`MAX_SIDE`].
     pub width: usize,
-    /// Rows, 1 to [`MAX_SIDE`].
+    /// Number of rows, 1 to [`MAX_SIDE`].
     pub height: usize,
     /// 1 (grey) or 3 (red, green, blue). Alpha is dropped.
     pub channels: usize,
@@ -37,12 +37,12 @@ pub struct Raster {
     pub samples: Samples,
 }
 
-/// What the header of an image file says.
+/// Size and type of an image, from the header of its file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Info {
     /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// 1 (grey) or 3 (red, green, blue).
     pub channels: usize,
@@ -71,7 +71,7 @@ impl Depth {
         }
     }
 
-    /// The value of a saturated sample: 255, 65535 or 1.0.
+    /// Value of a saturated sample: 255, 65535 or 1.0.
     pub fn full_scale(self) -> f32 {
         match self {
             Self::U8 => 255.0,
@@ -92,7 +92,7 @@ impl fmt::Display for Depth {
 }
 
 impl fmt::Display for Info {
-    /// As in "640 x 480 pixels, 16-bit grey".
+    /// Formats as "640 x 480 pixels, 16-bit grey".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let color = if self.channels == 1 { "grey" } else { "RGB" };
         write!(f, "{} x {} pixels, {} {color}", self.width, self.height, self.depth)
@@ -100,7 +100,7 @@ impl fmt::Display for Info {
 }
 
 impl Raster {
-    /// What its file's header says.
+    /// Size and type of the image.
     pub fn info(&self) -> Info {
         let depth = match self.samples {
             Samples::U8(_) => Depth::U8,
@@ -112,7 +112,8 @@ impl Raster {
 }
 
 impl Info {
-    /// Checked description; `stored` is the number of channels in the file (alpha included), `bytes` their size.
+    /// Description within the size limits. `stored` is the number of channels in the file (with alpha), `bytes` is the
+    /// size of a sample there.
     pub(super) fn checked(size: [u64; 2], channels: usize, depth: Depth, stored: u64, bytes: u64) -> Decoded<Self> {
         let [width, height] = check_size(size, stored.saturating_mul(bytes))?;
         Ok(Self { width, height, channels, depth })
@@ -123,10 +124,10 @@ impl Info {
         self.width * self.height * self.channels
     }
 
-    /// The raster with these samples.
+    /// Raster of these samples.
     ///
     /// # Errors
-    /// When the decoder delivered another number of samples than the header promised.
+    /// If the decoder delivered another number of samples than the header announced.
     pub(super) fn raster(self, samples: Samples) -> Decoded<Raster> {
         let len = match &samples {
             Samples::U8(v) => v.len(),
@@ -140,7 +141,7 @@ impl Info {
     }
 }
 
-/// Width and height as usable numbers, or why an image of that size is refused.
+/// Checks width and height against the limits, and converts them.
 pub(super) fn check_size(size: [u64; 2], bytes_per_pixel: u64) -> Decoded<[usize; 2]> {
     let [width, height] = size;
     let refuse = |limit: String| Err(Fault::too_large(format!("is {width} x {height} pixels, {limit}")));
@@ -159,7 +160,7 @@ pub(super) fn check_size(size: [u64; 2], bytes_per_pixel: u64) -> Decoded<[usize
     Ok([width as usize, height as usize])
 }
 
-/// A zeroed buffer, or a fault when the memory is not there.
+/// Allocates a zeroed buffer; a fault if there is not enough memory.
 pub(super) fn zeroed<T: Clone + Default>(len: usize) -> Decoded<Vec<T>> {
     let mut probe = Vec::<T>::new();
     if probe.try_reserve_exact(len).is_err() {

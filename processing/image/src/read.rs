@@ -1,7 +1,8 @@
-//! Reads photographs: PNG, JPEG, TIFF, BMP, WebP, OpenEXR, Radiance HDR, FITS, NPY and camera raw files, told apart by their content.
+//! Reads photographs: PNG, JPEG, TIFF, BMP, WebP, OpenEXR, Radiance HDR, FITS, NPY and camera raw files, distinguished
+//! by their content.
 //!
-//! Bad input is an [`Error::Input`] in plain words, never a panic and never a half-decoded picture. Sizes are
-//! checked against the header before anything is allocated for pixels.
+//! Bad input gives an [`nacre_base::Error::Input`] with a message, never a panic or a partly decoded picture. The sizes
+//! in the header are checked before memory is allocated for pixels.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
@@ -12,18 +13,18 @@ use super::source::{Source, decode, open};
 use super::{bmp, fits, foreign, jpeg, npy, openexr, png, radiance, raw, tif, webp};
 use nacre_base::Result;
 
-/// File name endings of the formats that [`read`] understands and whose files are photographs, in lower case.
+/// File extensions of photographs in the formats of [`read`], in lower case.
 #[cfg(not(feature = "raw"))]
 pub const EXTENSIONS: &[&str] =
     &["png", "tif", "tiff", "jpg", "jpeg", "bmp", "exr", "hdr", "webp", "fits", "fit", "fts", "npy"];
-/// File name endings of the formats that [`read`] understands and whose files are photographs, in lower case.
+/// File extensions of photographs in the formats of [`read`], in lower case.
 #[cfg(feature = "raw")]
 pub const EXTENSIONS: &[&str] = &[
     "png", "tif", "tiff", "jpg", "jpeg", "bmp", "exr", "hdr", "webp", "fits", "fit", "fts", "npy", "dng", "cr2", "cr3",
     "nef", "nrw", "arw", "raf", "orf", "rw2", "rwl", "pef", "srw", "3fr", "erf", "mef", "dcr", "kdc",
 ];
 
-/// Bytes by which formats are told apart: as far as the mark of DICOM.
+/// Number of bytes by which formats are distinguished: up to the mark of DICOM.
 const HEAD: u64 = 132;
 
 #[derive(Clone, Copy)]
@@ -69,10 +70,10 @@ pub(super) fn sniff(source: &mut Source) -> Decoded<Format> {
     }
 }
 
-/// Reads only the header of an image file: no pixel is decoded and no memory taken for any.
+/// Reads the header of an image file. No pixel is decoded, and no memory allocated for pixels.
 ///
 /// # Errors
-/// `Error::Input` when the file cannot be read, is no image of a known format, or is beyond the size limits.
+/// `Error::Input` if the file cannot be read, has no known image format, or exceeds the size limits.
 pub fn info(path: &Path) -> Result<Info> {
     decode(path, || {
         let mut source = open(path)?;
@@ -96,7 +97,7 @@ pub(super) fn header(path: &Path, source: Source, format: Format) -> Decoded<Inf
     }
 }
 
-/// Width and height of an image file, by its header alone; an OpenEXR file may have any channels.
+/// Width and height of an image file from its header; an OpenEXR file may have any channels.
 ///
 /// # Errors
 /// As [`info`].
@@ -110,16 +111,16 @@ pub fn size(path: &Path) -> Result<[usize; 2]> {
     })
 }
 
-/// Reads an image file whole.
+/// Reads an image file.
 ///
 /// # Errors
-/// `Error::Input` as for [`info`], and when the file is truncated, damaged or of a kind that is not read (CMYK,
-/// signed or 32-bit integers, unknown EXR channels).
+/// `Error::Input` as for [`info`], and if the file is truncated, damaged or of an unsupported kind (CMYK, signed or
+/// 32-bit integers, unknown EXR channels).
 pub fn read(path: &Path) -> Result<Raster> {
     read_into(path, vec![])
 }
 
-/// [`read`] that uses the memory of an image of the same size and depth again, where the format can.
+/// As [`read`], reusing the memory of an image of the same size and depth if the format permits.
 pub fn read_into(path: &Path, spare: Vec<u16>) -> Result<Raster> {
     decode(path, || {
         let mut source = open(path)?;
@@ -138,7 +139,7 @@ pub fn read_into(path: &Path, spare: Vec<u16>) -> Result<Raster> {
     })
 }
 
-/// How a camera raw file was exposed; none for other files.
+/// Exposure settings of a camera raw file; `None` for other files.
 pub(super) fn taken(path: &Path) -> Option<raw::Taken> {
     let taken = decode(path, || {
         let mut source = open(path)?;

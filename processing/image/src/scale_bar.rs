@@ -1,11 +1,12 @@
-//! The bar that shows a length on the sample.
+//! Scale bars.
 
 use super::canvas::{Canvas, Rgb};
 
-/// Longest bar over the width of its map. Round lengths are 2 or 2.5 apart, so that bars take 0.16 to 0.4 of the width: about a quarter.
+/// Longest bar relative to the width of its map. Round lengths differ by factors of 2 or 2.5, so bars take 0.16 to 0.4
+/// of the width.
 const LONGEST: f64 = 0.4;
 
-/// A length of 1, 2 or 5 times a power of ten.
+/// Scale bar with a length of 1, 2 or 5 times a power of ten.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ScaleBar {
     /// Length in pixels of the picture.
@@ -15,7 +16,8 @@ pub(super) struct ScaleBar {
 }
 
 impl ScaleBar {
-    /// For a map of `width` pixels of `pixel_um` µm, at most `room` pixels long. `None` where no round length has two pixels.
+    /// Scale bar for a map of `width` pixels of `pixel_um` µm, at most `room` pixels long; `None` if no round length
+    /// has two pixels.
     pub fn new(pixel_um: f64, width: usize, room: f64) -> Option<Self> {
         let most = pixel_um * room.min(LONGEST * width as f64);
         if !(pixel_um > 0.0 && most.is_finite() && most > 0.0) {
@@ -27,7 +29,7 @@ impl ScaleBar {
         (pixels >= 2).then(|| Self { pixels, label: label(digit, exponent) })
     }
 
-    /// Draws the bar, its left upper corner at (`x`, `y`), and its label of `size` pixels below.
+    /// Draws the bar with its upper left corner at (`x`, `y`), and its label of `size` pixels below.
     pub fn draw(&self, canvas: &mut Canvas, [x, y]: [f32; 2], size: f32, color: Rgb) {
         let thick = (0.3 * size).round().max(2.0);
         canvas.rectangle(x as usize, y as usize, self.pixels, thick as usize, color);
@@ -35,7 +37,7 @@ impl ScaleBar {
     }
 }
 
-/// `digit · 10^exponent` µm, in mm from 1000 µm up.
+/// Formats `digit · 10^exponent` µm, in mm from 1000 µm on.
 fn label(digit: u32, exponent: i32) -> String {
     let (exponent, unit) = if exponent >= 3 { (exponent - 3, "mm") } else { (exponent, "µm") };
     let decimals = exponent.min(0).unsigned_abs() as usize;

@@ -1,4 +1,4 @@
-//! Opens image files for decoders and turns their faults and panics into errors that name the file.
+//! Opens image files for decoders, and converts their faults and panics to errors that name the file.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -10,10 +10,10 @@ use nacre_base::Result;
 use nacre_base::guard::guarded;
 use nacre_base::input::{self, Unreadable};
 
-/// An open image file, at its start.
+/// Open image file, at its start.
 pub(super) type Source = BufReader<File>;
 
-/// Opens a regular, not empty, not gigantic file.
+/// Opens a regular file that is neither empty nor larger than the limit.
 pub(super) fn open(path: &Path) -> Decoded<Source> {
     let file = input::open(path, MAX_BYTES).map_err(|error| match error {
         Unreadable::System(error) => error.into(),
@@ -26,7 +26,7 @@ pub(super) fn open(path: &Path) -> Decoded<Source> {
     Ok(BufReader::with_capacity(1 << 16, file))
 }
 
-/// Runs a decoder on the file at `path`; its panic is damage of the file, like any other.
+/// Runs a decoder on the file at `path`; its panic counts as damage of the file.
 pub(super) fn decode<T>(path: &Path, decoder: impl FnOnce() -> Decoded<T>) -> Result<T> {
     guarded(decoder).unwrap_or_else(|panic| Err(Fault::unusable(panic, RENEW))).map_err(|fault| fault.at(path))
 }

@@ -1,22 +1,22 @@
-//! Rows of numbers of many pictures, kept on disk: memory does not grow with the number of pictures.
+//! Temporary storage on disk for rows of many pictures, so that memory does not grow with the number of pictures.
 
 use nacre_base::{Error, Result};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::os::unix::fs::FileExt;
 
-/// Bytes of a number.
+/// Bytes per number.
 const BYTES: usize = size_of::<f32>();
 
 /// Pictures in one temporary file, one after the other; all rows have the same length.
 pub struct Spool {
-    /// Made with the first picture.
+    /// Temporary file, created with the first picture.
     file: Option<File>,
-    /// First number of each picture.
+    /// Index of the first number of each picture.
     starts: Vec<u64>,
-    /// All numbers so far.
+    /// Total of numbers.
     count: u64,
-    /// Numbers of a row.
+    /// Numbers per row.
     row: usize,
 }
 
@@ -26,15 +26,15 @@ fn failed(error: std::io::Error) -> Error {
 }
 
 impl Spool {
-    /// An empty spool, for rows of `row` numbers.
+    /// Creates an empty spool for rows of `row` numbers.
     pub fn new(row: usize) -> Self {
         Self { file: None, starts: vec![], count: 0, row }
     }
 
-    /// Adds a picture, from its first row to its last one.
+    /// Appends a picture, from its first row to its last.
     ///
     /// # Errors
-    /// `Input` when there is no room for temporary files.
+    /// `Input` if there is no room for temporary files.
     pub fn add(&mut self, numbers: impl Iterator<Item = f32>) -> Result<()> {
         let file = match self.file.take() {
             Some(file) => file,
@@ -60,7 +60,7 @@ impl Spool {
     /// Row `y` of every picture.
     ///
     /// # Errors
-    /// `Input` when a temporary file cannot be read back.
+    /// `Input` if the temporary file cannot be read back.
     pub fn row(&self, y: usize) -> Result<Vec<Vec<f32>>> {
         let Some(file) = &self.file else { return Ok(vec![]) };
         let read = |start: &u64| {

@@ -1,4 +1,5 @@
-//! TIFF: integers of 1 to 16 bits, 16, 32 and 64-bit floats (as `f32`), grey or RGB, of the first page in full resolution.
+//! TIFF files: integers of 1 to 16 bits and floats of 16, 32 and 64 bits (as `f32`), grey or RGB, of the first page in
+//! full resolution.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -14,16 +15,16 @@ use super::raster::{Depth, Info, MAX_BYTES, Raster, Samples};
 use super::source::Source;
 use super::tif_chunks::{Layout, unpack};
 
-/// Pages that are looked at.
+/// Largest number of pages that are read.
 const MAX_PAGES: usize = 1000;
 
-/// Bits of the tag NewSubfileType: a page that is a small copy of another one, or a mask.
+/// Bits of the tag NewSubfileType: a reduced copy of another page, or a mask.
 const REDUCED_OR_MASK: u32 = 1 | 4;
 
-/// Method of compression whose only decoder is the library's.
+/// Compression method that only the library decodes.
 const FAX4: u32 = 4;
 
-/// Strips or tiles that are JPEG files.
+/// Compression method with JPEG strips or tiles.
 const JPEG: u32 = 7;
 
 /// Type of the samples of a page.
@@ -42,7 +43,7 @@ impl Sample {
         }
     }
 
-    /// All bits set.
+    /// Value with all bits set.
     pub fn largest(self) -> u64 {
         u64::MAX >> (64 - u32::from(self.bits()))
     }
@@ -76,7 +77,7 @@ pub(super) fn read(source: Source) -> Decoded<Raster> {
     page.info.raster(layout.read(page.decoder.inner())?)
 }
 
-/// Reads black and white compressed as facsimiles are.
+/// Reads black and white pages with fax compression.
 fn fax(mut page: Page) -> Decoded<Raster> {
     let DecodingResult::U8(bytes) = page.decoder.read_image().map_err(fault)? else {
         return Err(Fault::damaged("more than one bit per pixel, compressed by CCITT Group 4"));
@@ -90,7 +91,7 @@ fn fax(mut page: Page) -> Decoded<Raster> {
     page.info.raster(Samples::U8(values))
 }
 
-/// Adds what the tags say about values, and how many pages there are.
+/// Adds the statements of tags about values, and the number of pages.
 pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()> {
     let source = Source::with_capacity(1 << 16, source.get_ref().try_clone()?);
     let mut page = open(source)?;
@@ -107,15 +108,15 @@ pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()
     Ok(())
 }
 
-/// A decoder at the page that is read.
+/// Decoder at the page that is read.
 struct Page {
     decoder: Decoder<Source>,
     info: Info,
-    /// Channels in the file.
+    /// Number of channels in the file.
     stored: usize,
     sample: Sample,
     compression: u32,
-    /// Pages in full resolution.
+    /// Number of pages in full resolution.
     full: usize,
 }
 
@@ -139,17 +140,17 @@ fn open(source: Source) -> Decoded<Page> {
     Ok(Page { decoder, info, stored, sample, compression, full })
 }
 
-/// Goes to the first page that is no reduced copy and no mask; returns how many there are.
+/// Moves to the first page that is neither a reduced copy nor a mask; returns the number of such pages.
 fn to_first_full_page(decoder: &mut Decoder<Source>) -> Decoded<usize> {
     let is_full = |decoder: &mut Decoder<Source>| -> Decoded<bool> {
         let kind = decoder.find_tag_unsigned::<u32>(Tag::NewSubfileType).map_err(fault)?.unwrap_or(0);
-        // Of the older tag, 2 is a reduced copy.
+        // In the older tag, 2 is a reduced copy.
         let old = decoder.find_tag_unsigned::<u32>(Tag::SubfileType).map_err(fault)?.unwrap_or(1);
         Ok(kind & REDUCED_OR_MASK == 0 && old != 2)
     };
     let mut pages = vec![is_full(decoder)?];
     while decoder.more_images() && pages.len() < MAX_PAGES {
-        // Pages behind one that cannot be read are not counted.
+        // Pages after an unreadable one are not counted.
         if decoder.next_image().is_err() {
             break;
         }
@@ -166,7 +167,7 @@ fn tag(decoder: &mut Decoder<Source>, tag: Tag, default: u32) -> Decoded<u32> {
     Ok(decoder.find_tag_unsigned(tag).map_err(fault)?.unwrap_or(default))
 }
 
-/// The method of compression; refuses those without a decoder, by name.
+/// Compression method; unsupported ones are refused by name.
 fn compression(decoder: &mut Decoder<Source>) -> Decoded<u32> {
     if tag(decoder, Tag::FillOrder, 1)? == 2 {
         return Err(Fault::unusable("is a TIFF with FillOrder 2, which is not read", "save it with FillOrder 1"));
@@ -190,7 +191,7 @@ fn compression(decoder: &mut Decoder<Source>) -> Decoded<u32> {
     Err(Fault::unusable(problem, "save it with LZW, Deflate or no compression"))
 }
 
-/// Channels to keep, and channels stored. Of colour differences only JPEG data are converted.
+/// Number of channels to keep, and of stored channels. Colour differences (YCbCr) are converted for JPEG data only.
 fn channels(decoder: &mut Decoder<Source>, compression: u32) -> Decoded<(usize, usize)> {
     let stored = tag(decoder, Tag::SamplesPerPixel, 1)? as usize;
     let kind: Cow<str> = match (tag(decoder, Tag::PhotometricInterpretation, 1)?, stored) {

@@ -1,5 +1,6 @@
-//! Values of TIFF files, strip by strip or tile by tile and row by row: any number of bits, interleaved or a plane for each channel, with the
-//! predictors of TIFF 6 (section 14) and Technical Note 3 (floating point).
+//! Values of TIFF files by strip or tile and by row: any number of bits, interleaved or with one plane per channel.
+//!
+//! Predictors are those of TIFF 6 (section 14) and Technical Note 3 (floating point).
 
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 
@@ -19,23 +20,23 @@ use super::tif_codecs::{Lzw, PackBits};
 const HORIZONTAL: u32 = 2;
 const FLOATING_POINT: u32 = 3;
 
-/// Most bytes of a row of a strip or tile: four doubles in each column, and tiles that reach beyond the picture.
+/// Longest row of a strip or tile in bytes: four doubles per column, for tiles that extend beyond the picture.
 const MAX_ROW: usize = 2 * MAX_SIDE * 4 * 8;
 
-/// How a page is cut into strips or tiles ("chunks").
+/// Division of a page into strips or tiles ("chunks").
 pub(super) struct Layout {
     info: Info,
     /// Columns and rows of a chunk; the last strip may have fewer rows.
     chunk: [usize; 2],
     tiled: bool,
-    /// Channels in each chunk; 1 where each channel has chunks of its own.
+    /// Channels per chunk; 1 if each channel has separate chunks.
     channels: usize,
     planes: usize,
     /// Position and length of each chunk in the file.
     places: Vec<[u64; 2]>,
     sample: Sample,
     compression: u32,
-    /// Whether JPEG data hold luminance and colour differences.
+    /// Whether JPEG data hold luminance and colour differences (YCbCr).
     ycc: bool,
     tables: Vec<u8>,
     predictor: u32,
@@ -45,7 +46,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Of the page at which the decoder stands, with its number of stored channels.
+    /// Layout of the decoder's current page, which has `stored` channels.
     pub fn of(decoder: &mut Decoder<Source>, info: Info, stored: usize, sample: Sample) -> Decoded<Self> {
         let tag = |decoder: &mut Decoder<Source>, tag| decoder.find_tag_unsigned::<u32>(tag).map_err(fault);
         let number = |decoder: &mut Decoder<Source>, of, default| Ok::<_, Fault>(tag(decoder, of)?.unwrap_or(default));
@@ -127,7 +128,7 @@ impl Layout {
         })
     }
 
-    /// The pixels of all chunks, each value as `convert` makes it of its bits.
+    /// Pixels of all chunks, with values converted from their bits by `convert`.
     fn assembled<T: Copy + Default>(&self, source: &mut Source, convert: impl Fn(u64) -> T) -> Decoded<Vec<T>> {
         let Info { width, height, channels: kept, .. } = self.info;
         let mut all = zeroed::<T>(self.info.len())?;
@@ -154,11 +155,11 @@ impl Layout {
         Ok(all)
     }
 
-    /// The decompressed bytes of a chunk, of which so many rows are needed.
+    /// Decompressed bytes of a chunk, of which `rows` rows are needed.
     fn chunk<'a>(&self, source: &'a mut Source, index: usize, rows: usize) -> Decoded<Box<dyn Read + 'a>> {
         let [offset, length] = self.places[index];
         let needed = (rows * self.row_bytes()) as u64;
-        // Some writers leave out the length of what is not compressed.
+        // Some writers omit the length of uncompressed data.
         if self.compression == 1 && length > 0 && length < needed {
             return Err(Fault::damaged(format!("strip or tile {index} has {length} bytes of {needed}")));
         }
@@ -173,7 +174,7 @@ impl Layout {
         })
     }
 
-    /// Decodes a chunk that is a JPEG, whose tables may stand in a tag (TIFF Technical Note 2).
+    /// Decodes a JPEG chunk, whose tables may be in a tag (TIFF Technical Note 2).
     fn jpeg(&self, mut compressed: impl BufRead, rows: usize) -> Decoded<Vec<u8>> {
         let mut file = vec![];
         if let Some(tables) = self.tables.strip_suffix(b"\xff\xd9") {
@@ -185,7 +186,7 @@ impl Layout {
         jpeg::chunk(&file, [self.chunk[0], rows, most], self.channels, self.ycc)
     }
 
-    /// The values of a row of a chunk as unsigned integers of its bits.
+    /// Values of a row of a chunk, as unsigned integers of their bits.
     fn values(&self, row: &mut [u8], values: &mut Vec<u64>) {
         let bits = self.sample.bits();
         values.clear();
@@ -206,7 +207,7 @@ impl Layout {
     }
 }
 
-/// Undoes the predictor of floating point: differences of bytes, first those of the highest bytes of all values.
+/// Inverts the floating-point predictor: byte differences, with the most significant bytes of all values first.
 fn shuffled(row: &mut [u8], channels: usize, size: usize, values: &mut Vec<u64>) {
     for i in channels..row.len() {
         row[i] = row[i].wrapping_add(row[i - channels]);
@@ -216,7 +217,7 @@ fn shuffled(row: &mut [u8], channels: usize, size: usize, values: &mut Vec<u64>)
     values.extend((0..count).map(value));
 }
 
-/// Values stored one after the other without regard to bytes, most significant bits first; rows begin at a byte (TIFF 6, section 8).
+/// Unpacks consecutive values of `bits` bits, most significant bit first; rows begin at a byte (TIFF 6, section 8).
 pub(super) fn unpack(row: &[u8], count: usize, bits: u8, values: &mut Vec<u64>) {
     let (mut waiting, mut ready, mut rest) = (0_u64, 0, row.iter());
     values.extend((0..count).map(|_| {

@@ -1,11 +1,11 @@
-//! LZW and PackBits of TIFF files (TIFF 6, sections 9 and 13).
+//! LZW and PackBits compression of TIFF files (TIFF 6, sections 9 and 13).
 
 use std::io::{BufRead, Error, ErrorKind, Read, Result};
 
 use weezl::BitOrder;
 use weezl::decode::{Configuration, Decoder};
 
-/// Decompresses LZW. Writers differ in the width of the end code, so that data end where the input does.
+/// Decompresses LZW. Writers differ in the width of the end code, so the data end with the input.
 pub(super) struct Lzw<R> {
     compressed: R,
     decoder: Decoder,
@@ -39,7 +39,7 @@ impl<R: BufRead> Read for Lzw<R> {
 /// Decompresses PackBits.
 pub(super) struct PackBits<R> {
     compressed: R,
-    /// Bytes of the current run that are left, and the byte that is repeated in it.
+    /// Remaining bytes of the current run, and its repeated byte.
     left: usize,
     repeated: Option<u8>,
 }
@@ -59,7 +59,7 @@ impl<R: Read> Read for PackBits<R> {
     fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
         while self.left == 0 {
             match self.byte()? as i8 {
-                // Stands for nothing.
+                // No operation.
                 -128 => {}
                 n if n < 0 => (self.left, self.repeated) = (1 + usize::from(n.unsigned_abs()), Some(self.byte()?)),
                 n => (self.left, self.repeated) = (1 + usize::from(n.unsigned_abs()), None),

@@ -1,4 +1,4 @@
-//! WebP: 8 bits, RGB, lossy or lossless; still pictures.
+//! WebP files: still pictures of 8 bits, RGB, lossy or lossless.
 
 use image_webp::{DecodingError, WebPDecoder};
 
@@ -6,7 +6,7 @@ use super::fault::{Decoded, Fault, SAME_DEPTH};
 use super::raster::{Depth, Info, Raster, Samples, keep_channels, zeroed};
 use super::source::Source;
 
-/// Memory for everything but the pixels.
+/// Memory besides the pixels, in bytes.
 const SIDE_BYTES: usize = 64 << 20;
 
 pub(super) fn info(source: Source) -> Decoded<Info> {
@@ -23,7 +23,7 @@ pub(super) fn read(source: Source) -> Decoded<Raster> {
     info.raster(Samples::U8(keep_channels(samples, stored, info.channels)))
 }
 
-/// The decoder, what the header says, and how many channels are stored.
+/// Decoder, header information, and number of stored channels.
 fn open(source: Source) -> Decoded<(WebPDecoder<Source>, Info, usize)> {
     let mut decoder = WebPDecoder::new(source).map_err(fault)?;
     decoder.set_memory_limit(SIDE_BYTES);

@@ -1,7 +1,7 @@
-//! Writes maps (OpenEXR, `f32`) and pictures (PNG).
+//! Writers for maps (OpenEXR, `f32`) and pictures (PNG).
 //!
-//! The EXR container is written here rather than by the `exr` crate: rows go to the file as they are computed,
-//! no plane is copied, and the same map always gives the same bytes (that crate keeps attributes in a hash map).
+//! The EXR container is written here rather than by the `exr` crate, which keeps attributes in a hash map. Here rows
+//! are written as they are computed, no plane is copied, and equal maps give equal bytes.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -26,11 +26,11 @@ pub enum Attribute {
     Text(String),
 }
 
-/// How an EXR holds its numbers.
+/// Precision of the samples of an EXR.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
-    /// 16 bits: relative errors of 2⁻¹¹ down to 6·10⁻⁵, and none below 6·10⁻⁸; at most 65504.
+    /// 16 bits: relative error 2⁻¹¹ from 6·10⁻⁵ up to the maximum of 65504; values below 6·10⁻⁸ become 0.
     Half,
     /// 32 bits.
     Float,
@@ -42,18 +42,18 @@ impl Precision {
     }
 }
 
-/// Rows are computed in parallel in batches of about this size.
+/// Approximate bytes per batch of rows, which are computed in parallel.
 const BATCH_BYTES: usize = 4 << 20;
-/// Longest name of a channel or attribute in bytes; above 31 the header says so.
+/// Longest name of a channel or attribute in bytes; names above 31 set a flag in the header.
 const LONGEST_NAME: usize = 255;
 
-/// Writes `f32` planes as an uncompressed scan-line EXR, which holds NaN and infinities as they are.
+/// Writes `f32` planes as an uncompressed scan-line EXR, which preserves NaN and infinities.
 ///
-/// `fill(channel, row, values)` writes one row (`width` values) of the channel of that index in `channels`; rows
-/// are asked for in any order, from several threads. Channels may be given in any order.
+/// `fill(channel, row, values)` writes one row (`width` values) of the channel with this index in `channels`. Several
+/// threads call it, for rows in any order. Channels may be given in any order.
 ///
 /// # Errors
-/// `Error::Output` when the system refuses, and for an impossible size or name (empty, doubled, too long).
+/// `Error::Output` if the system refuses, or for an invalid size or name (empty, duplicate, too long).
 pub fn write_exr(
     path: &Path,
     width: usize,
@@ -65,10 +65,10 @@ pub fn write_exr(
     write_exr_as(path, Precision::Float, [width, height], channels, attributes, fill)
 }
 
-/// [`write_exr`] in a precision.
+/// As [`write_exr`], with a choice of precision.
 ///
 /// # Errors
-/// As there.
+/// As [`write_exr`].
 pub fn write_exr_as(
     path: &Path,
     precision: Precision,
@@ -102,7 +102,7 @@ pub fn write_exr_as(
     write().map_err(|error| Error::output(path, error))
 }
 
-/// One row as EXR stores it: row number, byte count, then the channels by name.
+/// Encodes one row: row number, byte count, then the channels by name.
 fn fill_chunk(
     chunk: &mut [u8],
     row: usize,
@@ -193,40 +193,40 @@ fn put(out: &mut Vec<u8>, name: &str, kind: &str, value: &[u8]) {
 /// Writes an 8-bit PNG of 1 (grey) or 3 (RGB) interleaved channels, `width · height · channels` samples.
 ///
 /// # Errors
-/// `Error::Output` when the system refuses, or the samples do not fit the size.
+/// `Error::Output` if the system refuses, or the number of samples does not match the size.
 pub fn write_png8(path: &Path, width: usize, height: usize, channels: usize, samples: &[u8]) -> Result<()> {
     let color = if channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
     write_png(path, [width, height], samples, color)
 }
 
-/// Writes a 16-bit grey PNG of `width · height` samples, which appears whole or not at all.
+/// Writes a 16-bit grey PNG of `width · height` samples atomically.
 ///
 /// # Errors
-/// `Error::Output` when the system refuses, or the samples do not fit the size.
+/// `Error::Output` if the system refuses, or the number of samples does not match the size.
 pub fn write_png16_gray(path: &Path, width: usize, height: usize, samples: &[u16]) -> Result<()> {
     let encoded = encode_png16_gray(width, height, samples).map_err(|error| Error::output(path, error))?;
     write_whole(path, &encoded)
 }
 
-/// A 16-bit grey PNG of `width · height` samples, in memory; the same samples always give the same bytes.
+/// Encodes `width · height` samples as a 16-bit grey PNG; equal samples give equal bytes.
 ///
 /// # Errors
-/// `InvalidInput` when the samples do not fit the size.
+/// `InvalidInput` if the number of samples does not match the size.
 pub fn encode_png16_gray(width: usize, height: usize, samples: &[u16]) -> io::Result<Vec<u8>> {
     let bytes: Vec<u8> = samples.iter().flat_map(|sample| sample.to_ne_bytes()).collect();
     encode_png([width, height], &bytes, ExtendedColorType::L16)
 }
 
-/// An 8-bit PNG of 1 (grey) or 3 (RGB) interleaved channels, in memory.
+/// Encodes 1 (grey) or 3 (RGB) interleaved channels as an 8-bit PNG.
 ///
 /// # Errors
-/// `InvalidInput` when the samples do not fit the size.
+/// `InvalidInput` if the number of samples does not match the size.
 pub fn encode_png8(width: usize, height: usize, channels: usize, samples: &[u8]) -> io::Result<Vec<u8>> {
     let color = if channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
     encode_png([width, height], samples, color)
 }
 
-/// Encodes in memory first, so that a failing write keeps the system's own error (the encoder turns it into text).
+/// Encodes in memory first to keep the system's error of a failing write; the encoder would turn it into text.
 fn write_png(path: &Path, size: [usize; 2], bytes: &[u8], color: ExtendedColorType) -> Result<()> {
     let encoded = encode_png(size, bytes, color).map_err(|error| Error::output(path, error))?;
     std::fs::write(path, encoded).map_err(|error| Error::output(path, error))

@@ -1,27 +1,27 @@
-//! Labels that keep out of each other's way.
+//! Labels of data points, placed without overlap.
 
 use super::svg::{Anchor, Area, Svg, bold_width, text_width};
 
-/// Finds places for labels beside their points.
+/// Places labels beside their points.
 pub struct Labels {
     taken: Vec<Area>,
     bounds: Area,
 }
 
 impl Labels {
-    /// Labels stay within `bounds` and off `points`.
+    /// Creates a layout whose labels stay within `bounds` and keep off `points`.
     pub fn new(bounds: Area, points: &[[f64; 2]]) -> Self {
         let around = |p: &[f64; 2]| Area::new(p[0] - 6.0, p[1] - 6.0, 12.0, 12.0);
         Self { taken: points.iter().map(around).collect(), bounds }
     }
 
-    /// Labels keep off a line from left to right or from top to bottom, too, if they can.
+    /// Makes labels keep off a horizontal or vertical line, where possible.
     pub fn avoid(&mut self, from: [f64; 2], to: [f64; 2]) {
         let corner = [from[0].min(to[0]) - 1.0, from[1].min(to[1]) - 1.0];
         self.taken.push(Area::new(corner[0], corner[1], (from[0] - to[0]).abs() + 2.0, (from[1] - to[1]).abs() + 2.0));
     }
 
-    /// Writes a label at the place around `point` that covers least.
+    /// Draws a label at the position around `point` with the least overlap, with a leader line if it is far away.
     pub fn place(&mut self, svg: &mut Svg, point: [f64; 2], text: &str, size: f64, bold: bool, style: &str) {
         let (width, weight) =
             if bold { (bold_width(text, size), " font-weight=\"bold\"") } else { (text_width(text, size), "") };
@@ -54,7 +54,7 @@ impl Labels {
     }
 }
 
-/// Moves positions apart until neighbours are `gap` apart, within `low` and `high`; the order is kept.
+/// Moves positions apart to a distance of at least `gap`, within `low` and `high`, without changing their order.
 pub fn spread_out(wanted: &[f64], gap: f64, low: f64, high: f64) -> Vec<f64> {
     let mut order: Vec<usize> = (0..wanted.len()).collect();
     order.sort_by(|&a, &b| wanted[a].total_cmp(&wanted[b]));

@@ -1,5 +1,5 @@
-//! A PDF of an SVG, as large as the SVG says. Text becomes outlines, so that no font is needed; pictures keep their pixels.
-//! Knows what charts are made of: paths of one colour, text, and PNG pictures.
+//! Conversion of an SVG to a PDF of the same size. Text becomes outlines, so no font is embedded; pictures keep their
+//! pixels. Supported are the elements of charts: paths of one colour, text, and PNG pictures.
 
 use crate::png::tree;
 use flate2::Compression;
@@ -13,20 +13,20 @@ use resvg::usvg::{
 };
 use std::io::Write;
 
-/// Points of a PDF in a pixel of an SVG.
+/// Points of a PDF per pixel of an SVG.
 const POINTS: f32 = 0.75;
 
-/// Fixed objects of the file; pictures and opacities follow.
+/// Numbers of the fixed objects of the file; pictures and opacities follow.
 const CATALOG: i32 = 1;
 const PAGES: i32 = 2;
 const PAGE: i32 = 3;
 const CONTENT: i32 = 4;
 const OTHERS: i32 = 5;
 
-/// A page that shows an SVG.
+/// Converts an SVG to a PDF of one page.
 ///
 /// # Errors
-/// When the SVG is not well-formed, has no extent, or holds something other than paths of one colour, text and PNG pictures.
+/// If the SVG is not well-formed, has no extent, or has elements other than paths of one colour, text and PNG pictures.
 pub fn pdf_from_svg(svg: &str) -> Result<Vec<u8>> {
     let tree = tree(svg)?;
     let [width, height] = [tree.size().width(), tree.size().height()].map(|v| v * POINTS);
@@ -40,9 +40,9 @@ pub fn pdf_from_svg(svg: &str) -> Result<Vec<u8>> {
 /// Drawing commands of a page.
 struct Page {
     content: Content,
-    /// Opacities of fillings and strokes.
+    /// Opacities of fills and strokes.
     opacities: Vec<f32>,
-    /// Width, height, and red, green and blue of every pixel.
+    /// Width, height and RGB values of each picture.
     pictures: Vec<(u32, u32, Vec<u8>)>,
 }
 
@@ -72,7 +72,7 @@ impl Page {
     }
 
     fn fill(&mut self, path: &Path) -> Result<()> {
-        // A straight line has no area, but pages show hairlines where one is filled.
+        // A straight line has no area, but viewers draw a filled one as a hairline.
         let Some(fill) = path.fill().filter(|_| path.data().len() > 2) else { return Ok(()) };
         let [r, g, b] = rgb(fill.paint())?;
         self.begin(path.abs_transform(), fill.opacity().get());
@@ -115,7 +115,7 @@ impl Page {
         }
     }
 
-    /// A state of the page's own, at a place and with an opacity.
+    /// Saves the graphics state, and sets a transform and an opacity.
     fn begin(&mut self, at: Transform, opacity: f32) {
         let known = self.opacities.iter().position(|o| *o == opacity).unwrap_or_else(|| {
             self.opacities.push(opacity);
@@ -139,7 +139,7 @@ impl Page {
                     last = [p.x, p.y];
                 }
                 PathSegment::QuadTo(q, p) => {
-                    // The cubic curve that a quadratic one is.
+                    // Degree elevation: the cubic Bézier curve that equals a quadratic one.
                     let near = |end: f32, middle: f32| end + 2.0 / 3.0 * (middle - end);
                     let [x, y] = last;
                     self.content.cubic_to(near(x, q.x), near(y, q.y), near(p.x, q.x), near(p.y, q.y), p.x, p.y);
@@ -161,7 +161,7 @@ impl Page {
         let pixels = Pixmap::decode_png(bytes).map_err(|_| unknown("a damaged picture"))?;
         let rgb = pixels.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]).collect();
         self.begin(image.abs_transform(), 1.0);
-        // A picture is the unit square, its first row on top.
+        // An image fills the unit square, its first row on top.
         let [width, height] = [pixels.width(), pixels.height()];
         self.content.transform([width as f32, 0.0, 0.0, -(height as f32), 0.0, height as f32]);
         self.content.x_object(Name(format!("p{}", self.pictures.len()).as_bytes()));
@@ -222,7 +222,7 @@ mod tests {
     use super::*;
     use crate::svg::{Anchor, Area, Svg};
 
-    /// The page has the SVG's size in points and one object for what it shows; nonsense and gradients are refused.
+    /// The page has the size of the SVG in points and one object per element. Malformed SVG and gradients are refused.
     #[test]
     fn pages_are_as_large_as_their_svg() {
         let mut svg = Svg::new(200.0, 100.0);

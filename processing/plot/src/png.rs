@@ -1,14 +1,14 @@
-//! A picture of an SVG, without anything installed: fonts are part of the program.
+//! Rendering of an SVG as PNG with built-in fonts.
 
 use nacre_base::{Error, Result};
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree};
 
-/// Draws an SVG at `zoom` pixels per unit and packs it as a PNG. Text is set in DejaVu Sans Condensed, whatever font the
-/// file asks for.
+/// Renders an SVG at `zoom` pixels per unit as a PNG. Text is set in DejaVu Sans Condensed, regardless of the font that
+/// the SVG names.
 ///
 /// # Errors
-/// When the SVG is not well-formed, or has no extent.
+/// If the SVG is not well-formed, or has no extent.
 pub fn png_from_svg(svg: &str, zoom: f32) -> Result<Vec<u8>> {
     let tree = tree(svg)?;
     let side = |length: f32| (length * zoom).round() as u32;
@@ -22,7 +22,7 @@ fn broken(problem: String) -> Error {
     Error::input("SVG", problem, "report this")
 }
 
-/// What an SVG shows, with text in fonts of the program.
+/// Parses an SVG with the built-in fonts.
 pub(crate) fn tree(svg: &str) -> Result<Tree> {
     let mut options = Options { font_family: FAMILY.into(), ..Options::default() };
     let fonts = options.fontdb_mut();
@@ -32,7 +32,7 @@ pub(crate) fn tree(svg: &str) -> Result<Tree> {
     Tree::from_str(svg, &options).map_err(|e| broken(e.to_string()))
 }
 
-/// Name of the family inside the font files.
+/// Name of the font family in the font files.
 const FAMILY: &str = "DejaVu Sans";
 
 #[cfg(test)]

@@ -2,14 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How a quantity is drawn.
+/// Scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scale {
-    /// Evenly.
+    /// Linear.
     Linear,
-    /// By its logarithm.
+    /// Logarithmic.
     Log,
-    /// Not a number: cases with names, in their order.
+    /// Named categories, in their order.
     Names,
 }

@@ -1,17 +1,19 @@
-//! Colours and numbers that all charts share.
+//! Colours and number format of all charts.
 
-/// Text.
+/// Colour of text.
 pub const INK: &str = "#1c2430";
-/// Text of less weight.
+/// Colour of secondary text.
 pub const SOFT: &str = "#56606e";
-/// Lines of a grid.
+/// Colour of grid lines.
 pub const GRID: &str = "#e3e7ec";
-/// Frames of axes.
+/// Colour of the frames of axes.
 pub const FRAME: &str = "#9aa4b0";
-/// Results that are wrong.
+/// Colour of wrong results.
 pub const ALARM: &str = "#c1121f";
 
-/// A number as a reader wants it: three digits, no exponent where none is needed.
+/// Formats a number to about three digits: `12`, `0.25`, `40,000`, `2.5 · 10⁻¹³`.
+///
+/// Numbers from 0.001 to 100,000 have no exponent and keep all digits of their integer part.
 pub fn number(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {
@@ -29,7 +31,7 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// With a comma between thousands, from five digits on.
+/// Adds a comma between thousands, from five digits on.
 fn grouped(text: &str) -> String {
     let whole = text.split('.').next().unwrap_or(text).trim_start_matches('-').len();
     if whole < 5 || text.contains('.') {

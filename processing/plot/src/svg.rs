@@ -1,6 +1,6 @@
-//! Writes SVG, and what a chart needs of it: scales with round ticks, axes and marks.
-//! Written here because labels at the data, shares below a curve and exact control of the fonts are what makes these
-//! charts readable, and plotting crates leave least choice there.
+//! SVG writer with the parts of a chart: rulers with round ticks, axes and marks.
+//!
+//! Plotting crates allow too little control over direct labels, shares below a curve and fonts.
 
 use super::Scale;
 use super::style::{FRAME, GRID, INK, SOFT, number};
@@ -8,7 +8,7 @@ use skrifa::instance::{LocationRef, Size};
 use skrifa::{FontRef, GlyphId, MetadataProvider};
 use std::fmt::Write;
 
-/// Corner and size of a rectangle, y down.
+/// Rectangle, y down.
 #[derive(Clone, Copy, Debug)]
 pub struct Area {
     /// Left edge.
@@ -22,26 +22,26 @@ pub struct Area {
 }
 
 impl Area {
-    /// Rectangle from its upper left corner, width and height.
+    /// Creates a rectangle from its upper left corner, width and height.
     pub fn new(x: f64, y: f64, w: f64, h: f64) -> Self {
         Self { x, y, w, h }
     }
 
-    /// Area that two rectangles share.
+    /// Area of the intersection of two rectangles.
     pub fn overlap(&self, o: &Self) -> f64 {
         let length = |a: f64, la: f64, b: f64, lb: f64| ((a + la).min(b + lb) - a.max(b)).max(0.0);
         length(self.x, self.w, o.x, o.w) * length(self.y, self.h, o.y, o.h)
     }
 }
 
-/// An SVG in the making. `style` arguments are attributes, as `stroke="#000" fill="none"`.
+/// SVG under construction. `style` arguments are attributes such as `stroke="#000" fill="none"`.
 pub struct Svg {
     width: f64,
     height: f64,
     body: String,
 }
 
-/// Where text stands against its point.
+/// Alignment of text to its point.
 #[derive(Clone, Copy)]
 pub enum Anchor {
     /// The text begins at the point.
@@ -53,7 +53,7 @@ pub enum Anchor {
 }
 
 impl Svg {
-    /// A white page of this size.
+    /// Creates a white page of this size.
     pub fn new(width: f64, height: f64) -> Self {
         let mut svg = Self { width, height, body: String::new() };
         svg.rect(Area::new(0.0, 0.0, width, height), "fill=\"#ffffff\"");
@@ -75,7 +75,7 @@ impl Svg {
         let _ = writeln!(self.body, "<line x1=\"{x1:.2}\" y1=\"{y1:.2}\" x2=\"{x2:.2}\" y2=\"{y2:.2}\" {style}/>");
     }
 
-    /// A line through points, closed where `style` fills it.
+    /// Adds a line through points, closed if `style` fills it.
     pub fn polyline(&mut self, points: &[[f64; 2]], style: &str) {
         let list: Vec<String> = points.iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
         let _ = writeln!(self.body, "<polyline points=\"{}\" {style}/>", list.join(" "));
@@ -86,7 +86,7 @@ impl Svg {
         let _ = writeln!(self.body, "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{r:.2}\" {style}/>");
     }
 
-    /// A mark of one of seven shapes.
+    /// Adds a mark of one of seven shapes (`shape` modulo 7) with radius `r`.
     pub fn mark(&mut self, [x, y]: [f64; 2], shape: usize, r: f64, style: &str) {
         let corners: &[(f64, f64)] = match shape % 7 {
             0 => return self.circle([x, y], r, style),
@@ -116,19 +116,19 @@ impl Svg {
         );
     }
 
-    /// Text with a white rim, readable across lines.
+    /// Adds text with a white outline, legible across lines.
     pub fn text_on_lines(&mut self, at: [f64; 2], text: &str, size: f64, anchor: Anchor, style: &str) {
         let rim = "stroke=\"#ffffff\" stroke-opacity=\"0.85\" stroke-width=\"3.5\" stroke-linejoin=\"round\" paint-order=\"stroke\"";
         self.text(at, text, size, anchor, &format!("{style} {rim}"));
     }
 
-    /// Text that reads upwards, its middle at the point.
+    /// Adds text that reads upwards, centred on the point.
     pub fn upright(&mut self, [x, y]: [f64; 2], text: &str, size: f64, style: &str) {
         let turn = format!("transform=\"rotate(-90 {x:.2} {y:.2})\" {style}");
         self.text([x, y], text, size, Anchor::Middle, &turn);
     }
 
-    /// A PNG, its pixels kept apart where it is enlarged.
+    /// Adds a PNG without smoothing: its pixels stay visible when enlarged.
     pub fn image(&mut self, a: Area, png: &[u8]) {
         use base64::Engine;
         let data = base64::engine::general_purpose::STANDARD.encode(png);
@@ -140,13 +140,13 @@ impl Svg {
         );
     }
 
-    /// The file; `about` is read out by screen readers.
+    /// Text of the SVG file; screen readers read `about`.
     pub fn finish(self, about: &str) -> String {
         let size = [self.width, self.height].map(|v| v.to_string());
         self.sized(about, size)
     }
 
-    /// The file, so many mm wide where it is printed.
+    /// Text of the SVG file with a printed width in mm.
     pub fn finish_for_print(self, about: &str, width_mm: f64) -> String {
         let size = [width_mm, width_mm * self.height / self.width].map(|v| format!("{v:.3}mm"));
         self.sized(about, size)
@@ -163,23 +163,23 @@ impl Svg {
     }
 }
 
-/// Text that may stand in XML and HTML.
+/// Escapes text for XML and HTML.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Width of a line of text.
+/// Width of a line of text, in the units of `size`.
 pub fn text_width(text: &str, size: f64) -> f64 {
     width_in(dejavu::sans_condensed::regular(), text, size)
 }
 
-/// The same of bold text.
+/// Width of a line of bold text, in the units of `size`.
 pub fn bold_width(text: &str, size: f64) -> f64 {
     width_in(dejavu::sans_condensed::bold(), text, size)
 }
 
 fn width_in(font: &[u8], text: &str, size: f64) -> f64 {
-    // Without a font, which its crate's tests rule out, a common average serves.
+    // The tests of the font's crate rule out a missing font; the fallback is an average width.
     let Ok(font) = FontRef::new(font) else {
         return 0.55 * size * text.chars().count() as f64;
     };
@@ -190,7 +190,7 @@ fn width_in(font: &[u8], text: &str, size: f64) -> f64 {
     f64::from(units) * size / f64::from(font.metrics(unscaled, location).units_per_em)
 }
 
-/// Maps values to positions.
+/// Maps values to positions along an axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Ruler {
     scale: Scale,
@@ -201,7 +201,7 @@ pub struct Ruler {
 }
 
 impl Ruler {
-    /// Covers the finite ones of `values` with a little room. Logarithmic ones leave out what is not positive.
+    /// Covers the finite values with a small margin. Logarithmic rulers ignore values of 0 and below.
     pub fn covering(scale: Scale, values: impl IntoIterator<Item = f64>, from: f64, to: f64) -> Self {
         let (low, high) = extent(scale, values);
         let (low, high) = match scale {
@@ -218,20 +218,20 @@ impl Ruler {
         Self { scale, low, high, from, to }
     }
 
-    /// Covers logarithms of `values` with less room, so that values which differ by little are apart.
+    /// Covers the logarithms of `values` with a smaller margin, so that similar values are distinguishable.
     pub fn covering_closely(values: impl IntoIterator<Item = f64>, from: f64, to: f64) -> Self {
         let (low, high) = extent(Scale::Log, values);
-        // All alike, values stand in the middle.
+        // Equal values are centred.
         let room = if high > 1.02 * low { (high / low).powf(0.12) } else { 1.3 };
         Self { scale: Scale::Log, low: low / room, high: high * room, from, to }
     }
 
-    /// Exactly from `low` to `high`.
+    /// Linear ruler from exactly `low` to `high`.
     pub fn exact(low: f64, high: f64, from: f64, to: f64) -> Self {
         Self { scale: Scale::Linear, low, high, from, to }
     }
 
-    /// Position of a value; beyond the end stays at the end.
+    /// Position of a value; values out of range are clamped to the ends.
     pub fn at(&self, value: f64) -> f64 {
         let share = if self.scale == Scale::Log {
             (value.max(self.low) / self.low).ln() / (self.high / self.low).ln()
@@ -241,7 +241,7 @@ impl Ruler {
         self.from + share.clamp(0.0, 1.0) * (self.to - self.from)
     }
 
-    /// Ticks as (value, label, whether it gets a label); `room` is how many labels fit.
+    /// Ticks as (value, whether it has a label). `room` is the number of labels that fit.
     pub fn ticks(&self, room: usize) -> Vec<(f64, bool)> {
         match self.scale {
             Scale::Log => Some(self.log_ticks(room))
@@ -254,7 +254,7 @@ impl Ruler {
     fn linear_ticks(&self, room: usize) -> Vec<f64> {
         let rough = (self.high - self.low) / room.max(1) as f64;
         let power = 10f64.powf(rough.log10().floor());
-        // Degrees like 15, 30 and 90, everything else 1, 2, 5.
+        // Steps such as 15, 30 and 90 suit degrees; other ranges use 1, 2 and 5.
         let steps: &[f64] =
             if self.high - self.low > 50.0 { &[1.0, 1.5, 3.0, 4.5, 9.0] } else { &[1.0, 2.0, 2.5, 5.0, 10.0] };
         let step = steps.iter().map(|s| s * power).find(|s| *s >= rough).unwrap_or(10.0 * power);
@@ -287,33 +287,33 @@ impl Ruler {
     }
 }
 
-/// Least and largest of the values that can be drawn.
+/// Minimum and maximum of the values that can be drawn.
 fn extent(scale: Scale, values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     let usable = values.into_iter().filter(|v| v.is_finite() && (scale != Scale::Log || *v > 0.0));
     let (low, high) = usable.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     if low > high { (1.0, 10.0) } else { (low, high) }
 }
 
-/// Draws the frame of a panel, with grid, ticks and titles.
+/// Frame of a panel with grid, ticks and titles.
 pub struct Axes<'a> {
-    /// Where the panel is.
+    /// Area of the panel.
     pub area: Area,
-    /// Horizontal scale.
+    /// Horizontal ruler.
     pub x: Ruler,
-    /// Vertical scale.
+    /// Vertical ruler.
     pub y: Ruler,
-    /// Names of the positions, where x has names.
+    /// Names of the categories, if x has [`Scale::Names`].
     pub names: &'a [String],
-    /// Empty where the panel below carries it.
+    /// Title of the horizontal axis; empty if the panel below carries it.
     pub x_title: &'a str,
     /// Title of the vertical axis.
     pub y_title: &'a str,
-    /// Divides shares into per cent.
+    /// Whether the vertical axis shows fractions in per cent.
     pub percent: bool,
 }
 
 impl Axes<'_> {
-    /// Adds grid, frame, ticks and titles.
+    /// Draws grid, frame, ticks and titles.
     pub fn draw(&self, svg: &mut Svg) {
         let a = self.area;
         svg.rect(a, "fill=\"#fcfdfe\"");
@@ -377,7 +377,7 @@ mod tests {
         let labels: Vec<f64> = ruler.ticks(8).into_iter().filter(|t| t.1).map(|t| t.0).collect();
         assert_eq!(labels.iter().map(|v| number(*v)).collect::<Vec<_>>(), ["0.1", "1", "10"]);
         assert!(ruler.at(0.02) > 0.0 && ruler.at(30.0) < 100.0 && ruler.at(-1.0) == 0.0);
-        // A narrow range still has two numbers, and values that differ are apart.
+        // A narrow range has at least two labels, and similar values are distinguishable.
         let narrow = Ruler::covering_closely([3.1, 3.3], 0.0, 100.0);
         assert!(narrow.ticks(6).iter().filter(|t| t.1).count() >= 2);
         assert!(narrow.at(3.3) - narrow.at(3.1) > 60.0);

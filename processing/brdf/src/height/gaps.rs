@@ -1,19 +1,19 @@
-//! Gaps of height fields: refused, or filled by interpolation where the user asks for it.
+//! Gaps of height fields: refused, or filled by interpolation on request.
 
 use super::Scale;
 use nacre_base::{Error, Result};
 use std::path::Path;
 
-/// Largest share of gaps that may be filled.
+/// Largest fraction of gaps that may be filled.
 pub(super) const MOST: f64 = 0.5;
 
-/// Rounds of relaxation on each grid. The coarser grid gives the start, so that few are needed.
+/// Relaxation rounds per grid. The coarser grid gives the start values, so few are needed.
 const ROUNDS: usize = 16;
 
-/// Fills NaN and infinite heights if their share is at most `scale.fill_gaps`; returns a note. `word` is the file's term for gaps, such as
-/// "are bad points".
+/// Fills NaN and infinite heights if their fraction is at most `scale.fill_gaps`; returns a note. `word` is the file's
+/// term for gaps, such as "are bad points".
 ///
-/// Inside a gap each height is the mean of its neighbours (Laplace's equation).
+/// Inside a gap, each height becomes the mean of its neighbours (Laplace's equation).
 ///
 /// # Errors
 /// `Input` for gaps that `scale` does not allow.
@@ -23,7 +23,7 @@ pub(super) fn fill(path: &Path, width: usize, values: &mut [f64], word: &str, sc
     let share = count as f64 / values.len() as f64;
     let (x, y) = (at % width, at / width);
     let problem = format!("{count} heights {word} ({:.2} %), the first at column {x}, row {y}", 100.0 * share);
-    // Rounded up, so that the share is enough.
+    // Rounded up, so that the stated fraction suffices.
     let enough = (share * 1e4).ceil() / 1e4;
     match scale.fill_gaps {
         _ if share > MOST => Err(Error::file(path, problem, "crop the patch to where heights are known")),
@@ -54,7 +54,7 @@ fn interpolate(values: &mut [f64], width: usize) {
         coarse[cell] += value;
         known[cell] += 1.0;
     }
-    // 0 over 0 is NaN: a gap of the coarser grid.
+    // 0 over 0 is NaN, a gap of the coarser grid.
     coarse.iter_mut().zip(&known).for_each(|(sum, count)| *sum /= count);
     interpolate(&mut coarse, half);
     for i in &gaps {
@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn holes_in_a_plane_are_filled_with_the_plane() {
         let path = Path::new("x.asc");
-        // Heights differ by up to 0.5 across the largest hole; relaxation ends after some rounds.
+        // Heights differ by up to 0.5 across the largest hole, where relaxation stops before convergence.
         for (side, most) in [(1, 1e-12), (3, 1e-9), (11, 0.005)] {
             let mut values = with_hole(side);
             let note = fill(path, WIDTH, &mut values, "are gaps", &allowed(0.2)).unwrap().unwrap();

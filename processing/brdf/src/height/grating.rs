@@ -1,10 +1,12 @@
-//! Period and direction of a grating from a patch with few periods, whose number need not be whole.
+//! Period and direction of a grating from a patch with few periods, whose number may be fractional.
 //!
-//! Spectral peaks are as wide as one over the patch, and cannot resolve one or two periods. A grating varies along one direction only: its
-//! direction is the one whose mean profile explains the heights best, and its period the shortest shift by which the profile repeats. A
-//! least-squares fit of a Fourier series refines both. A short series fits profiles with steps badly; their period is refined on the profile
-//! itself. A profile that does not repeat within the patch is one period of the surface if it lies along a side and is continuous across the
-//! patch's seam, since the surface is the patch repeated without end.
+//! Spectral peaks have a width of one over the patch and cannot resolve one or two periods. A grating varies along one
+//! direction only. Its direction is the one whose mean profile explains the most height variance, and its period the
+//! shortest shift by which the profile repeats. A least-squares fit of a Fourier series refines both. A short series
+//! fits stepped profiles badly, so their period is refined on the profile.
+//!
+//! A profile that does not repeat within the patch counts as one period of the repeated patch. It must lie along a side
+//! and be continuous across the seam.
 
 use super::HeightField;
 use nacre_base::statistics::median;
@@ -13,63 +15,65 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
-/// Least part of the variance that the profile along one direction explains.
+/// Smallest fraction of the variance that the profile along one direction explains.
 const EXPLAINED: f64 = 0.9;
 
-/// Largest mean squared difference between a profile and itself one period further, over twice its variance; and over the least of all shifts.
+/// Largest mean squared difference between a profile and its copy one period further, over twice its variance; and
+/// relative to the minimum over all shifts.
 const REPEATS: f64 = 0.03;
 
-/// Part of a period that the patch must show twice.
+/// Smallest overlap of the patch with itself, in periods.
 const OVERLAP: f64 = 0.2;
 
-/// Most pixels that are used, and most harmonics of the fit.
+/// Largest number of pixels, and of harmonics in the fit.
 const PIXELS: usize = 6000;
 const HARMONICS: usize = 8;
 
-/// Least part of a profile's variance in the part that is seen twice.
+/// Smallest variance of the overlap, relative to that of the profile.
 const EVEN: f64 = 0.1;
 
-/// A step of a profile exceeds this multiple of the median difference of neighbours, and this part of the profile's range.
+/// Thresholds of a step: multiple of the median difference between neighbours, and fraction of the profile's range.
 const STEEP: [f64; 2] = [4.0, 0.1];
 
-/// Shifts between a profile and itself, in bins. They begin at half a bin, so that none is a whole number of bins: interpolation between bins makes
-/// whole shifts look better than others.
+/// Increment of the shifts of a profile, in bins. Shifts begin at half an increment to avoid whole bins, which
+/// interpolation between bins would favour.
 const FINE: f64 = 0.25;
 
 /// Relative difference below which profiles count as equal.
 const ALIKE: f64 = 1e-12;
 
-/// Fewest pixels of a period.
+/// Smallest number of pixels per period.
 const FEWEST: f64 = 4.0;
 
-/// Patches with more periods have spectral peaks that are as exact.
+/// Number of periods above which spectral peaks are equally precise.
 pub(super) const MANY: f64 = 6.0;
 
-/// Pixels of the row that replaces a patch, per period, from which its steps are as fine as those of the patch.
+/// Smallest number of pixels per period of a row that replaces a patch, so that its steps are as fine as those of the
+/// patch.
 const LEAST_PIXELS: usize = 16;
 
-/// A grating in a patch.
+/// Grating of which a patch is a part.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Grating {
     /// Period in µm.
     pub period_um: f64,
-    /// Direction of the grating vector, anticlockwise from the right, 0 to 180.
+    /// Direction of the grating vector in degrees, anticlockwise from the right, 0 to 180.
     pub direction_deg: f64,
     /// Number of periods along the grating vector, from corner to corner of the patch.
     pub periods: f64,
-    /// Part of the height variance that the grating explains.
+    /// Fraction of the height variance that the grating explains.
     pub share: f64,
 }
 
-/// Heights at positions in µm right and up of the patch's middle, without their mean.
+/// Heights at positions in µm to the right of and above the patch's centre, with zero mean.
 struct Places {
     all: Vec<[f64; 3]>,
     variance: f64,
-    /// Distance of samples in pixels.
+    /// Sampling step in pixels.
     step: usize,
 }
 
-/// Every n-th pixel of a field, as heights at positions in µm right and up of its middle.
+/// Every `step`-th pixel of a field, as heights at positions in µm to the right of and above its centre.
 fn places(field: &HeightField, step: usize) -> impl Iterator<Item = [f64; 3]> + Clone {
     let middle = |n: usize| 0.5 * (n as f64 - 1.0);
     let rows = (0..field.height).step_by(if field.height > 1 { step } else { 1 });
@@ -79,10 +83,10 @@ fn places(field: &HeightField, step: usize) -> impl Iterator<Item = [f64; 3]> + 
     })
 }
 
-/// A profile along a direction: mean heights in bins, and the number of heights in each.
+/// Profile along a direction: mean heights in bins, and the number of heights in each.
 struct Profile {
     bins: Vec<[f64; 2]>,
-    /// Differences of neighbours beyond this are steps.
+    /// Smallest difference between neighbours that counts as a step.
     steep: f64,
 }
 
@@ -100,7 +104,7 @@ impl Places {
         Profile::of(self.all.iter().copied(), angle, bin)
     }
 
-    /// Part of the variance that the profile along an angle explains, beyond the part that as many bins explain by chance.
+    /// Fraction of the variance explained by the profile along an angle, corrected for the number of bins.
     fn explained(&self, angle: f64, bin: f64) -> f64 {
         let profile = self.profile(angle, bin);
         let filled = profile.bins.iter().filter(|b| b[1] > 0.0).count() as f64;
@@ -109,7 +113,7 @@ impl Places {
         1.0 - (1.0 - kept) * count / (count - filled).max(1.0)
     }
 
-    /// The direction whose profile explains most of the variance, and that part.
+    /// Direction whose profile explains the largest fraction of the variance, and that fraction.
     fn direction(&self, bin: f64) -> [f64; 2] {
         let of = |angle: f64| self.explained(angle, bin);
         let better = |[a, b]: [f64; 2], angle: f64| {
@@ -127,7 +131,7 @@ impl Places {
         best
     }
 
-    /// Part of the variance that a Fourier series of a frequency does not explain.
+    /// Fraction of the variance that a Fourier series of a frequency does not explain.
     fn left(&self, frequency: [f64; 2], harmonics: usize) -> f64 {
         let n = 2 * harmonics + 1;
         let (mut matrix, mut right) = (DMatrix::<f64>::zeros(n, n), DVector::<f64>::zeros(n));
@@ -182,7 +186,8 @@ impl Profile {
         self.differences().iter().any(|d| d.abs() > self.steep)
     }
 
-    /// Bounds of the height at a position in bins, from the bins beside it; within a step, the bounds are those of the step.
+    /// Bounds of the height at a position in bins, and weight, from the adjacent bins. Within a step, the bounds are
+    /// those of the step.
     fn at(&self, place: f64) -> ([f64; 2], f64) {
         let (k, part) = (place as usize, place.fract());
         let (a, b) = (self.bins[k], self.bins[(k + usize::from(part > 0.0)).min(self.bins.len() - 1)]);
@@ -191,8 +196,8 @@ impl Profile {
         (if is_step { [a[0].min(b[0]), a[0].max(b[0])] } else { [between; 2] }, a[1].min(b[1]))
     }
 
-    /// Mean squared difference from itself shifted by `step` bins, over twice the variance; 1 where the overlapping part is flat, as it then equals
-    /// itself at any shift.
+    /// Mean squared difference from the profile shifted by `step` bins, over twice the variance. It is 1 if the overlap
+    /// is flat, as a flat part equals itself at any shift.
     fn unlike(&self, step: f64, variance: f64) -> f64 {
         let mut sums = [0.0; 4];
         let count = (self.bins.len() as f64 - step).ceil().max(0.0) as usize;
@@ -218,18 +223,18 @@ impl Profile {
         self.bins.iter().map(|b| b[1] * (b[0] - mean).powi(2)).sum::<f64>() / weights
     }
 
-    /// The longest shift in bins that is tested.
+    /// Longest shift in bins that is tested.
     fn longest(&self) -> f64 {
         self.bins.len() as f64 / (1.0 + OVERLAP)
     }
 
-    /// The shortest shift in bins by which the profile repeats, if there is one.
+    /// Shortest shift in bins by which the profile repeats; `None` if there is none.
     fn period(&self) -> Option<f64> {
         let variance = self.variance();
         let most = (self.longest() / FINE) as usize;
         let step = |k: usize| (k as f64 + 0.5) * FINE;
         let all: Vec<f64> = (0..=most).map(|k| self.unlike(step(k), variance)).collect();
-        // Shifts before the first maximum are too short for the profile to change.
+        // Before the first maximum, shifts are too short for the profile to change.
         let hill = (1..most).find(|k| all[*k] > 0.5 || (all[*k] > 10.0 * REPEATS && all[*k + 1] < all[*k]))?;
         let least = all.get(hill..most)?.iter().copied().fold(f64::MAX, f64::min);
         let good = |k: &usize| {
@@ -240,7 +245,7 @@ impl Profile {
         Some(0.5 * (step(first) + step(last)))
     }
 
-    /// The period, in bins, by which the profile repeats itself best over 1, 2, 4, … periods; it lies within `reach` of `near`.
+    /// Period in bins of the best agreement over 1, 2, 4, … periods, within `reach` of `near`.
     fn refined(&self, near: f64, reach: f64) -> f64 {
         let variance = self.variance();
         let (mut near, mut reach, mut count) = (near, reach, 1.0);
@@ -252,7 +257,7 @@ impl Profile {
         near
     }
 
-    /// Bounds of the shift near another one by which the profile is most like itself.
+    /// Bounds of the shift within `reach` of `step` with the best agreement.
     fn most_alike(&self, step: f64, reach: f64, variance: f64) -> [f64; 2] {
         let (mut middle, mut reach) = (step, reach);
         loop {
@@ -275,7 +280,8 @@ impl Profile {
         steps.iter().all(|d| *d > 0.0) || steps.iter().all(|d| *d < 0.0)
     }
 
-    /// Whether the profile's end continues at its beginning as neighbours do; its own steps do not count.
+    /// Whether the end of the profile continues at its beginning, compared with usual differences between neighbours
+    /// without steps.
     fn joins(&self) -> bool {
         let ends = self.bins.first().zip(self.bins.last()).map_or(0.0, |(a, b)| (a[0] - b[0]).abs());
         ends <= (3.0 * self.usual_step()).max(0.02 * self.range())
@@ -283,9 +289,9 @@ impl Profile {
 }
 
 impl Grating {
-    /// The grating of which a patch is a part; none for patches of several gratings.
+    /// Finds the grating of which a patch is a part; `None` for patches of several gratings.
     ///
-    /// `goes_on` says whether the patch goes on without steps where it is repeated.
+    /// `goes_on` states whether the repeated patch has no steps at its seams.
     pub(super) fn find(field: &HeightField, goes_on: bool) -> Option<Self> {
         let thinned = Places::of(field);
         if field.width < 2 * LEAST_PIXELS || thinned.variance <= 1e-14 {
@@ -320,11 +326,11 @@ impl Grating {
         (this.share > EXPLAINED - 0.15).then_some(this)
     }
 
-    /// One period of the grating as a patch of one row along its direction: means of all pixels with the same phase.
+    /// One period of the grating as a patch of one row along its direction, by averaging all pixels of the same phase.
     pub(crate) fn whole(&self, field: &HeightField) -> HeightField {
         let (sin, cos) = self.direction_deg.to_radians().sin_cos();
         let count = ((self.period_um / field.pixel_um).ceil() as usize).max(LEAST_PIXELS);
-        // Sums of heights and of phases in bins, and their numbers.
+        // Sums of heights and phases in bins, and their counts.
         let mut sums = vec![[0.0; 3]; count];
         for [x, y, height] in places(field, 1) {
             let part = ((x * cos + y * sin) / self.period_um).rem_euclid(1.0) * count as f64;
@@ -333,7 +339,7 @@ impl Grating {
         }
         let known: Vec<[f64; 2]> = sums.iter().filter(|s| s[2] > 0.0).map(|s| [s[1] / s[2], s[0] / s[2]]).collect();
         let profile = Profile::of(known.iter().map(|k| [k[0], 0.0, k[1]]), 0.0, 1.0);
-        // Between two positions beside a step, the height is that of the nearer one.
+        // Within a step, the height is that of the nearer position.
         let at = |k: usize| {
             let (n, place) = (known.len(), k as f64 + 0.5);
             let next = known.partition_point(|p| p[0] <= place);
@@ -359,7 +365,7 @@ fn refined(places: &Places, period: f64, angle: f64, size: f64, harmonics: usize
     let of = |v: [f64; 2]| places.left([v[1].cos() / v[0], v[1].sin() / v[0]], harmonics);
     let mut best = [period, angle];
     let mut left = of(best);
-    // A tenth of a period of phase at the patch's ends.
+    // A tenth of a period of phase at the ends of the patch.
     let mut steps = [0.2 * period * period / size, 0.2 * period / size];
     for _ in 0..12 {
         for axis in 0..2 {
@@ -384,13 +390,13 @@ fn refined(places: &Places, period: f64, angle: f64, size: f64, harmonics: usize
     [best[0], best[1], left]
 }
 
-/// A profile along a side that does not repeat within the patch, taken as one period of the repeated patch: where it is continuous across the seam,
-/// or is a ramp whose step may lie at the seam.
+/// Profile along a side that does not repeat within the patch, taken as one period of the repeated patch. It must be
+/// continuous across the seam, or a ramp whose step may be at the seam.
 fn whole_side(field: &HeightField, profile: &Profile, goes_on: bool, angle: f64, share: f64) -> Option<Grating> {
     let size = field.size_um();
     let along = usize::from(angle.sin().abs() > angle.cos().abs());
     let across = if along == 0 { angle.sin().abs() * size[1] } else { angle.cos().abs() * size[0] };
-    // The profile lies along a side within a pixel over the patch.
+    // The profile is parallel to a side within a pixel over the patch.
     let straight = across < 1.5 * field.pixel_um || field.height == 1;
     (straight && (goes_on && profile.joins() || profile.is_ramp())).then(|| Grating {
         period_um: size[along],

@@ -1,4 +1,4 @@
-//! Height fields: what they hold, how they are read, levelled, judged and made.
+//! Height fields: reading, levelling, quality and synthesis.
 
 mod formats;
 mod gaps;
@@ -21,37 +21,37 @@ pub use synthetic::{Profile, Shape, Synthetic};
 
 use nacre_base::{Error, Result};
 
-/// Longest side and most pixels of a height field (128 MiB of heights).
+/// Longest side of a height field, in pixels.
 pub const MAX_SIDE: usize = 8192;
-/// Most pixels.
+/// Largest number of pixels of a height field (128 MiB of heights).
 pub const MAX_PIXELS: usize = 16 << 20;
 
-/// A patch of a surface: heights in µm, row 0 on top, square pixels.
+/// Patch of a surface: heights in µm, row 0 on top, square pixels.
 ///
-/// Every method takes the surface for this patch repeated without end in both directions.
+/// For every method, the surface is this patch, repeated infinitely in both directions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightField {
-    /// Its file, or what it is, for messages.
+    /// Name of its file, or description, for messages.
     pub name: String,
-    /// Pixels of a row.
+    /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// Distance of two pixels in µm.
+    /// Pixel pitch in µm.
     pub pixel_um: f64,
     /// `width · height` heights in µm, row by row from the top.
     pub um: Vec<f64>,
-    /// Distance of two heights that the file can tell apart, in µm; none for floating point.
+    /// Height resolution of the file in µm; absent for floating point.
     pub step_um: Option<f64>,
-    /// How its file was read: format, channel, encoding.
+    /// Notes on reading the file: format, channel, encoding.
     pub notes: Vec<String>,
 }
 
 impl HeightField {
-    /// Checks sizes and values.
+    /// Creates a height field, and checks sizes and values.
     ///
     /// # Errors
-    /// `Input`, in the name of `subject`, for a size beyond the limits, a pitch that makes no sense, and heights that are not numbers.
+    /// `Input`, naming `subject`, for a size beyond the limits, an invalid pitch, and heights that are not finite.
     pub fn new(subject: &str, width: usize, height: usize, pixel_um: f64, um: Vec<f64>) -> Result<Self> {
         check_size(subject, width, height)?;
         if um.len() != width * height {
@@ -90,13 +90,13 @@ impl HeightField {
         self.um.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(*h), high.max(*h)])
     }
 
-    /// From the lowest to the highest point, in µm.
+    /// Height range: highest minus lowest point, in µm.
     pub fn range_um(&self) -> f64 {
         let [low, high] = self.ends_um();
         high - low
     }
 
-    /// Slopes to the right and up of the plane that fits best (least squares), µm per µm.
+    /// Slopes to the right and up of the best-fitting plane (least squares), in µm per µm.
     pub fn tilt(&self) -> [f64; 2] {
         let middle = |n: usize| 0.5 * (n as f64 - 1.0);
         let (mx, my) = (middle(self.width), middle(self.height));
@@ -113,8 +113,8 @@ impl HeightField {
         [slope(sums[0], square(self.width, self.height)), slope(sums[1], square(self.height, self.width))]
     }
 
-    /// Without that plane and its mean: undoes a sample that lay askew. A grating whose own profile is a slope (blazed) loses a part of
-    /// it, the less the more periods the patch has.
+    /// Subtracts the best-fitting plane and the mean, to correct a tilted sample. A blazed grating loses a part of the
+    /// profile's slope, the less the more periods the patch has.
     #[must_use]
     pub fn levelled(mut self) -> Self {
         let [right, up] = self.tilt();

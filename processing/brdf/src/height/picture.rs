@@ -7,12 +7,12 @@ use nacre_base::{Error, Result};
 use nacre_image::{Depth, Raster, Samples};
 use std::path::Path;
 
-/// A grey image: PNG, JPEG, BMP.
+/// Reads a grey image: PNG, JPEG, BMP.
 pub(super) fn read(path: &Path, scale: &Scale) -> Result<HeightField> {
     with_pitch(path, scale, Pitch::Unknown)
 }
 
-/// A grey image whose file states this pitch.
+/// Reads a grey image whose file states this pitch.
 pub(super) fn with_pitch(path: &Path, scale: &Scale, pitch: Pitch) -> Result<HeightField> {
     let info = nacre_image::info(path)?;
     check_size(&path.display().to_string(), info.width, info.height)?;
@@ -51,7 +51,7 @@ fn grey(path: &Path, raster: &Raster) -> Result<Vec<f64>> {
     Ok(values.chunks_exact(3).map(|rgb| rgb.iter().sum::<f64>() / 3.0).collect())
 }
 
-/// An EXR map of heights.
+/// Reads an EXR map of heights.
 pub(super) fn map(path: &Path, scale: &Scale) -> Result<HeightField> {
     let info = nacre_image::info(path)?;
     check_size(&path.display().to_string(), info.width, info.height)?;

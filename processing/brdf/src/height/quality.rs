@@ -1,4 +1,4 @@
-//! What a height field is fit for.
+//! Quality of a height field for the computation of diffraction.
 
 use super::HeightField;
 use super::grating::{Grating, MANY};
@@ -7,75 +7,75 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::PI;
 
-/// Peaks that are listed, at most, and how much weaker than the strongest they may be (power).
+/// Largest number of listed peaks, and their smallest power relative to the strongest.
 const PEAKS: usize = 6;
 const WEAKEST: f64 = 0.02;
 
-/// Seams are steps this many times larger than the largest step inside.
+/// Ratio of a seam's step to the largest step inside, above which the seam is reported.
 const SEAM: f64 = 1.25;
 
-/// Differences of heights below this part of their range are rounding errors.
+/// Height differences below this fraction of the range are rounding errors.
 const ROUNDED: f64 = 1e-9;
 
-/// Periods of a single grating that a patch may hold above or below a whole number: what interpolation between frequencies is good for.
+/// Deviation from a whole number of periods of a single grating that interpolation between frequencies tolerates.
 const CYCLES: f64 = 0.08;
 
-/// A tilt that moves orders by more than this is worth a word: a slope of 0.002 turns the mirror direction by 0.23°.
+/// Smallest reported tilt: a slope of 0.002 rotates the mirror direction by 0.23°.
 const TILT: f64 = 0.002;
 
-/// A spatial frequency that stands out.
+/// Peak of the spatial spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Peak {
     /// Period in µm.
     pub period_um: f64,
-    /// Half the distance of two periods that a patch of this size can tell apart, in µm.
+    /// Half the difference of two periods that a patch of this size can resolve, in µm.
     pub resolution_um: f64,
-    /// Direction of the grating vector, anticlockwise from the right, 0 to 180.
+    /// Direction of the grating vector in degrees, anticlockwise from the right, 0 to 180.
     pub direction_deg: f64,
-    /// Its part of the variance of the heights.
+    /// Fraction of the height variance.
     pub share: f64,
 }
 
-/// What a height field holds, and what it is fit for.
+/// Contents of a height field, and its quality for diffraction.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Quality {
-    /// Pixels of a row.
+    /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// Distance of two pixels in µm.
+    /// Pixel pitch in µm.
     pub pixel_um: f64,
     /// Width and height in µm.
     pub size_um: [f64; 2],
-    /// From the lowest to the highest point, in µm.
+    /// Height range: highest minus lowest point, in µm.
     pub range_um: f64,
-    /// Standard deviation in µm.
+    /// Standard deviation of the heights in µm.
     pub rms_um: f64,
     /// Root mean square slope between neighbours.
     pub rms_slope: f64,
-    /// Slopes to the right and up of the plane that fits best.
+    /// Slopes to the right and up of the best-fitting plane.
     pub tilt: [f64; 2],
-    /// Periods and directions found in the spectrum, the strongest first.
+    /// Peaks of the spatial spectrum, strongest first.
     pub periods: Vec<Peak>,
-    /// The grating that the patch is a part of, if it is of one alone.
+    /// Grating of which the patch is a part, if there is only one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grating: Option<Grating>,
-    /// Steps, or changes of slope, from the last to the first column and row over the largest between neighbours inside: above 1.25 the patch
-    /// does not go on where it is repeated.
+    /// Steps (or changes of slope) from the last to the first column and row, relative to the largest between
+    /// neighbours inside. Above 1.25 the repeated patch has visible seams.
     pub seams: [f64; 2],
-    /// Shortest wavelength in nm whose orders the pitch can carry, over all directions of view at normal incidence.
+    /// Shortest wavelength in nm whose orders the pitch can carry, over all viewing directions at normal incidence.
     pub shortest_nm: f64,
-    /// Distance of two heights that the file can tell apart, in µm.
+    /// Height resolution of the file in µm.
     pub step_um: Option<f64>,
-    /// How the file was read: format, channel, encoding.
+    /// Notes on reading the file: format, channel, encoding.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// What the reader must know.
+    /// Warnings about the patch.
     pub warnings: Vec<String>,
 }
 
 impl Quality {
-    /// Looks at a height field; `coherence_um` is the width of the coherence window (four standard deviations).
+    /// Analyses a height field; `coherence_um` is the width of the coherence window (four standard deviations).
     pub fn of(field: &HeightField, coherence_um: f64) -> Self {
         let count = field.um.len() as f64;
         let mean = field.um.iter().sum::<f64>() / count;
@@ -103,7 +103,8 @@ impl Quality {
         this
     }
 
-    /// Of a patch that [`Grating::whole`] made: one period of a grating, whose slope and steps are the profile's own.
+    /// Quality of a patch from [`Grating::whole`]: one period of a grating, whose slope and steps belong to the
+    /// profile.
     pub(crate) fn of_whole(field: &HeightField, grating: Grating, coherence_um: f64) -> Self {
         let grating = Grating { direction_deg: 0.0, periods: 1.0, ..grating };
         let mut this =
@@ -113,13 +114,13 @@ impl Quality {
         this
     }
 
-    /// Whether the patch goes on where it is repeated: of a single grating, whose own steps may hide those at the edges, a whole number of periods;
-    /// of others no steps there.
+    /// Whether the patch repeats seamlessly. A single grating needs a whole number of periods, as its own steps may
+    /// hide those at the seams. Other patches need seams without steps.
     pub fn is_periodic(&self) -> bool {
         self.cut().is_none() && (self.grating.is_some() || self.seams.iter().all(|s| *s <= SEAM))
     }
 
-    /// Periods of a single grating to the right and up, where they are no whole numbers.
+    /// Numbers of periods of a single grating to the right and up, if they are not whole.
     pub(crate) fn cut(&self) -> Option<[f64; 2]> {
         let peak = self.single()?;
         let (sin, cos) = peak.direction_deg.to_radians().sin_cos();
@@ -162,7 +163,7 @@ impl Quality {
         }
         let [right, up] = self.tilt;
         let whole = right.abs() * self.size_um[0] + up.abs() * self.size_um[1];
-        // The slope of a single period is its profile's.
+        // The slope of a single period belongs to its profile.
         let is_profile = self.grating.is_some_and(|g| g.periods == 1.0);
         if right.hypot(up) > TILT && whole > 0.05 * self.range_um && !is_profile {
             all.push(format!(
@@ -181,7 +182,7 @@ impl Quality {
         all
     }
 
-    /// The peak of a surface of which nearly everything is one grating and its harmonics.
+    /// Peak of a surface that consists of one grating and its harmonics almost entirely.
     fn single(&self) -> Option<&Peak> {
         let first = self.periods.first()?;
         if self.grating.is_some() {
@@ -216,8 +217,8 @@ fn rms_slope(field: &HeightField) -> f64 {
     (sum / count.max(1) as f64).sqrt() / field.pixel_um
 }
 
-/// Root mean square step at the seams over the largest between neighbouring columns or rows, or the same of how much the slope changes,
-/// whichever is larger.
+/// Root mean square step at the seams relative to the largest between neighbouring columns or rows, or the same ratio
+/// for changes of slope, whichever is larger.
 fn seams(field: &HeightField) -> [f64; 2] {
     let (w, h) = (field.width, field.height);
     let column = |x: usize| (0..h).map(move |y| y * w + x);
@@ -231,7 +232,8 @@ fn seams(field: &HeightField) -> [f64; 2] {
     ]
 }
 
-/// Of lines `0..n`, each a list of heights, which start again at `n`. Sums of squares below `least` are rounding errors.
+/// Seam of the lines `0..n` (lists of heights), which repeat from `n` on. Sums of squares below `least` are rounding
+/// errors.
 fn seam(n: usize, least: f64, line: &dyn Fn(usize) -> Vec<f64>) -> f64 {
     if n < 4 {
         return 0.0;
@@ -239,7 +241,7 @@ fn seam(n: usize, least: f64, line: &dyn Fn(usize) -> Vec<f64>) -> f64 {
     let step = |k: usize| -> Vec<f64> { line(k + 1).iter().zip(line(k)).map(|(a, b)| a - b).collect() };
     let size = |v: &[f64]| v.iter().map(|d| d * d).sum::<f64>();
     let bend = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (b - a).powi(2)).sum::<f64>();
-    // Steps from each line to the next; the last one is the seam, and the one after it is the first again.
+    // Steps from each line to the next. The last one is the seam; the one after it is the first again.
     let (mut steps, mut bends) = ([0.0_f64; 2], [0.0_f64; 2]);
     let mut last = step(0);
     steps[0] = size(&last);
@@ -262,11 +264,12 @@ fn seam(n: usize, least: f64, line: &dyn Fn(usize) -> Vec<f64>) -> f64 {
             1e9
         }
     };
-    // Slopes of rounded heights change by chance.
+    // Slopes of rounded heights change randomly.
     ratio(steps).max(ratio(bends) / 1.5)
 }
 
-/// Peaks with a grating of few periods, whose own peak is too wide to tell it, in the first place; of the others its harmonics remain.
+/// Puts a grating of few periods first, whose own spectral peak is too wide, and removes its harmonics from the other
+/// peaks.
 fn with_grating(mut peaks: Vec<Peak>, grating: Option<Grating>, field: &HeightField) -> Vec<Peak> {
     let Some(g) = grating else { return peaks };
     if g.periods < MANY {
@@ -287,7 +290,7 @@ fn with_grating(mut peaks: Vec<Peak>, grating: Option<Grating>, field: &HeightFi
     peaks
 }
 
-/// Peaks of the power spectrum under a Hann window, placed between its bins by a parabola through the logarithms.
+/// Peaks of the power spectrum under a Hann window, interpolated between bins by a parabola through the logarithms.
 fn periods(field: &HeightField) -> Vec<Peak> {
     let (w, h) = (field.width, field.height);
     let hann = |k: usize, n: usize| if n > 1 { (PI * (k as f64 + 0.5) / n as f64).sin().powi(2) } else { 1.0 };
@@ -309,7 +312,7 @@ fn periods(field: &HeightField) -> Vec<Peak> {
     let mut found: Vec<(isize, isize, f64)> = vec![];
     for iy in 0..=my {
         for ix in if iy == 0 { 1 } else { -mx }..=mx {
-            // The window smears the mean over the next bins, and a slow bend is no period.
+            // The window spreads the mean over the next bins, and slow bending is no period.
             if ix.abs().max(iy) < 2 {
                 continue;
             }
@@ -342,7 +345,7 @@ fn periods(field: &HeightField) -> Vec<Peak> {
             period_um: 1.0 / frequency,
             resolution_um: 0.5 / (frequency * frequency * least),
             direction_deg: f[1].atan2(f[0]).to_degrees().rem_euclid(180.0),
-            // The same peak lies at the opposite frequency.
+            // The same peak is at the opposite frequency too.
             share: (2.0 * near / all).min(1.0),
         }
     };

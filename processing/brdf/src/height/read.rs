@@ -9,30 +9,30 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Endings of files that hold height fields.
+/// File extensions of height fields.
 pub const EXTENSIONS: &[&str] = &[
     "png", "tif", "tiff", "jpg", "jpeg", "exr", "bmp", "txt", "asc", "csv", "dat", "tsv", "xyz", "gwy", "ibw", "x3p",
     "spm", "sdf", "nid", "ezd", "grd", "bcrf", "bcr", "000", "001", "002", "003", "004", "005", "006", "007", "008",
     "009",
 ];
 
-/// Largest text or file of an instrument that is read, in bytes.
+/// Largest text or instrument file in bytes.
 const MAX_BYTES: u64 = 256 << 20;
 
-/// Largest image that is read, in bytes.
+/// Largest image file in bytes.
 const MAX_IMAGE: u64 = 4 << 30;
 
-/// Scale that the user states. It must not contradict the file.
+/// Scale stated by the user. It must not contradict the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scale {
-    /// Distance of two pixels in µm.
+    /// Pixel pitch in µm.
     pub pixel_um: Option<f64>,
-    /// Height in µm of white above black (integer images, EXR maps of relative height), or of the highest above the lowest point (text,
-    /// signed and floating-point TIFF).
+    /// Height in µm between black and white (integer images, EXR maps of relative height), or between the lowest and
+    /// the highest point (text, signed and floating-point TIFF).
     pub range_um: Option<f64>,
-    /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
+    /// Channel of a file with several: its name, or its number from 1 (default: the first height channel).
     pub channel: Option<String>,
-    /// Largest share of gaps that are filled by interpolation, above 0 and at most 0.5; none are filled by default.
+    /// Largest fraction of gaps to fill by interpolation, above 0 and at most 0.5; by default none are filled.
     pub fill_gaps: Option<f64>,
 }
 
@@ -56,16 +56,17 @@ impl Scale {
     }
 }
 
-/// Reads a height field, by its content whatever its name is:
+/// Reads a height field in a format recognised by its content:
 ///
 /// - PNG, TIFF, JPEG and BMP images (grey, bright is high);
-/// - EXR maps (channel `height` or the only one, in µm, with the pitch as the attribute `pixel_um`, as `nacre reconstruct bokeh` writes
-///   them);
+/// - EXR maps (channel `height` or the only one, in µm, with the pitch as attribute `pixel_um`), as written by
+///   `nacre reconstruct bokeh`;
 /// - files of AFMs and profilometers: Gwyddion, Igor binary waves, X3P, Nanoscope, SDF, Nanosurf, Surfer, BCR;
-/// - text: rows of heights, points x y z on a grid, or profiles x z, with or without a header that states size and units.
+/// - text: rows of heights, points x y z on a grid, or profiles x z, with or without a header of size and units.
 ///
 /// # Errors
-/// `Input` for files that cannot be read, hold no heights, or more gaps than `scale` allows, and whose scale is unknown or contradicts `scale`.
+/// `Input` for files that cannot be read, hold no heights, or have more gaps than `scale` allows. Also if the scale is
+/// unknown or contradicts `scale`.
 pub fn read(path: &Path, scale: &Scale) -> Result<HeightField> {
     scale.check()?;
     let mut head = [0_u8; 4];
@@ -84,7 +85,7 @@ pub fn read(path: &Path, scale: &Scale) -> Result<HeightField> {
     image(path, scale)
 }
 
-/// Opens an image, whose decoder has limits of its own.
+/// Opens an image, whose decoder checks its size.
 pub(super) fn open(path: &Path) -> Result<File> {
     input::open(path, MAX_IMAGE).map_err(|error| unreadable(path, &error))
 }
@@ -98,7 +99,7 @@ fn unreadable(path: &Path, error: &Unreadable) -> Error {
     Error::file(path, error, remedy)
 }
 
-/// Files that are no images.
+/// Reads files other than images.
 fn other(path: &Path, scale: &Scale) -> Result<HeightField> {
     let bytes = input::read(path, MAX_BYTES).map_err(|error| match error {
         Unreadable::TooLarge { .. } => {

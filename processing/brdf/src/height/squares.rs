@@ -1,11 +1,11 @@
-//! Pixels that are not square: the coarser direction is interpolated to the pitch of the finer one.
+//! Oblong pixels: the coarser direction is interpolated to the pitch of the finer one.
 
 use nacre_image::catmull_rom;
 
-/// Largest relative difference of a pixel's width and height that counts as none.
+/// Largest relative difference of width and height of a pixel that counts as square.
 pub(super) const SQUARE: f64 = 0.01;
 
-/// Largest ratio of a pixel's sides: beyond, most heights would be made up.
+/// Largest ratio of a pixel's sides. Beyond, most heights would be interpolated.
 pub(super) const MOST: f64 = 4.0;
 
 /// Heights on square pixels, with their new number of columns; `sides` are width and height of a pixel.
@@ -20,17 +20,18 @@ pub(super) fn squared(values: &[f64], width: usize, sides: [f64; 2]) -> (Vec<f64
     }
 }
 
-/// How many heights there are of `count` in a direction whose pixels are `ratio` times as long as wide.
+/// Number of heights after interpolation of `count` heights in a direction whose pixels are `ratio` times as long as
+/// wide.
 fn length(count: usize, ratio: f64) -> usize {
     ((count - 1) as f64 * ratio).floor() as usize + 1
 }
 
-/// Columns and rows behind [`squared`].
+/// Columns and rows of the result of [`squared`].
 pub(super) fn size([width, rows]: [usize; 2], [across, down]: [f64; 2]) -> [usize; 2] {
     if across > down { [length(width, across / down), rows] } else { [width, length(rows, down / across)] }
 }
 
-/// Rows of `width` values with `ratio` values for each; beyond their ends rows go on in a straight line.
+/// Interpolates rows of `width` values to `ratio` as many values, with linear extrapolation beyond their ends.
 fn stretched(values: &[f64], width: usize, ratio: f64) -> (Vec<f64>, usize) {
     let new = length(width, ratio);
     let mut all = Vec::with_capacity(values.len() / width * new);
@@ -61,7 +62,7 @@ fn transposed(values: &[f64], width: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// A wave, 2 µm long, on pixels of any sides.
+    /// Wave of 2 µm period on pixels of any sides.
     fn wave(width: usize, rows: usize, [across, down]: [f64; 2]) -> Vec<f64> {
         let height = |x: f64, y: f64| (std::f64::consts::PI * (0.8 * x + 0.6 * y)).sin();
         (0..width * rows).map(|i| height((i % width) as f64 * across, (i / width) as f64 * down)).collect()
@@ -81,8 +82,8 @@ mod tests {
                 };
                 (0..found.len()).filter(inside).map(|i| (found[i] - truth[i]).abs()).fold(0.0, f64::max)
             };
-            // Errors of Catmull-Rom weights in a wave, |Σ weight e^(iwk) - e^(iwt)|: 0.00146 for 12.5 pixels half-way, 0.00175 for 13.3 pixels at
-            // 2/5. Beside the border a neighbour is missing.
+            // Interpolation error of Catmull-Rom weights for a wave, |Σ weight e^(iwk) - e^(iwt)|. It is 0.00146 for
+            // 12.5 pixels half-way, and 0.00175 for 13.3 pixels at 2/5. At the border a neighbour is missing.
             assert!(off(5) < 0.0018, "{sides:?}: {}", off(5));
             assert!(off(0) < 0.06, "{sides:?}: {}", off(0));
         }

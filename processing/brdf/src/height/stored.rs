@@ -1,4 +1,4 @@
-//! Heights as files store them, and the scale that files and flags state.
+//! Stored heights of files, and their scale from file and options.
 
 use super::read::Scale;
 use super::squares::{self, SQUARE};
@@ -6,48 +6,48 @@ use super::{HeightField, check_size, gaps};
 use nacre_base::{Error, Result};
 use std::path::Path;
 
-/// Largest relative differences of pitch and range between file and flag, which people round.
+/// Largest relative differences of pitch and range between file and option, for rounding by users.
 const SAME_PITCH: f64 = 0.01;
 const SAME_RANGE: f64 = 0.05;
 
-/// The same for the logarithm of a pitch in units of another power of ten: log10(1.01).
+/// The same as a logarithm, for a pitch in units of another power of ten: log10(1.01).
 const SAME_POWER: f64 = 0.0043;
 
-/// Pitch of the pixels as a file states it.
+/// Pixel pitch in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Pitch {
-    /// Not at all.
+    /// Not stated.
     #[default]
     Unknown,
     /// Across and down, in µm.
     Um([f64; 2]),
-    /// Across and down, in a unit that the file does not name.
+    /// Across and down, in an unknown unit.
     Bare([f64; 2]),
 }
 
-/// Heights as a file stores them.
+/// Heights as stored in a file.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stored {
-    /// Pixels of a row.
+    /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
     /// Values row by row from the top; NaN for gaps.
     pub values: Vec<f64>,
-    /// Pitch of the pixels.
+    /// Pixel pitch.
     pub pitch: Pitch,
-    /// µm of one unit of the values.
+    /// µm per unit of the values.
     pub unit_um: Option<f64>,
-    /// Distance of two values that the file can tell apart.
+    /// Resolution of the values.
     pub step: Option<f64>,
-    /// How the file was read, for the report.
+    /// Notes on reading the file, for the report.
     pub notes: Vec<String>,
-    /// The file's word for gaps: "are bad points".
+    /// The file's term for gaps: "are bad points".
     pub gaps: Option<String>,
 }
 
 impl Stored {
-    /// Turns the rows over: the file begins with the lowest.
+    /// Reverses the rows, for files that begin with the lowest.
     #[must_use]
     pub(super) fn upside_down(mut self) -> Self {
         let (width, rows) = (self.width, self.rows);
@@ -58,7 +58,7 @@ impl Stored {
         self
     }
 
-    /// The height field, where file and flags together state its scale.
+    /// Height field, if file and options together determine its scale.
     pub(super) fn field(mut self, path: &Path, scale: &Scale) -> Result<HeightField> {
         let subject = path.display().to_string();
         check_size(&subject, self.width, self.rows)?;
@@ -74,7 +74,7 @@ impl Stored {
         Ok(field)
     }
 
-    /// µm of one unit of the values.
+    /// µm per unit of the values.
     fn factor(&self, path: &Path, scale: &Scale) -> Result<f64> {
         let [low, high] = ends(&self.values);
         let spread = high - low;
@@ -102,7 +102,7 @@ pub(super) fn ends(values: &[f64]) -> [f64; 2] {
     values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)])
 }
 
-/// Pitch in µm that file and flag agree about: of pixels that are not square that of their shorter side.
+/// Pixel pitch in µm from file and option, which must agree; for oblong pixels, of their shorter side.
 pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64> {
     let contradicts = |file: String, flag: f64| {
         let problem = format!("has pixels of {file}, --pixel-um says {flag}");
@@ -125,7 +125,7 @@ pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64>
         }
         (Pitch::Bare(both), Some(flag)) => {
             let own = shorter(path, both, "")?;
-            // A unit of length is a power of ten; a pitch of exactly 1 counts pixels.
+            // Units of length differ by powers of ten; a pitch of exactly 1 counts pixels.
             let power = (flag / own).log10();
             if own == 1.0 || (power - power.round()).abs() < SAME_POWER {
                 return Ok(flag);
@@ -140,12 +140,12 @@ pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64>
     }
 }
 
-/// Without the last digits, which conversions of units leave behind.
+/// Rounds off the last digits, which are errors of unit conversion.
 fn tidy(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
 
-/// The shorter side of a pixel.
+/// Shorter side of a pixel.
 fn shorter(path: &Path, [across, down]: [f64; 2], unit: &str) -> Result<f64> {
     if !(across > 0.0 && down > 0.0 && across.is_finite() && down.is_finite()) {
         let problem = format!("has pixels of {across} by {down}{unit}");
@@ -161,7 +161,7 @@ fn shorter(path: &Path, [across, down]: [f64; 2], unit: &str) -> Result<f64> {
 }
 
 impl Pitch {
-    /// Columns, rows and heights on square pixels, with a note where they were interpolated.
+    /// Columns, rows and heights on square pixels, with a note if they were interpolated.
     ///
     /// # Errors
     /// `Input` for more pixels than a height field may have.

@@ -1,26 +1,26 @@
-//! Height fields that are known exactly.
+//! Synthetic height fields with exactly known shapes.
 
 use super::{HeightField, check_size};
 use nacre_base::{Error, Result};
 use std::f64::consts::TAU;
 
-/// Cross-section of a grating, one period, from 0 to 1.
+/// Cross-section of a grating over one period, with heights from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Profile {
     /// `(1 + cos)/2`.
     Sinusoid,
-    /// Rises evenly along the grating vector and falls at once.
+    /// Linear rise along the grating vector, then a vertical fall.
     Blazed,
-    /// 1 over a share of the period, 0 over the rest.
+    /// 1 over a fraction of the period, 0 over the rest.
     Rectangular {
-        /// The share, 0 to 1.
+        /// Duty cycle, 0 to 1.
         duty: f64,
     },
 }
 
 impl Profile {
-    /// Relative height, 0 to 1, at `t` periods.
+    /// Relative height, 0 to 1, at a position of `t` periods.
     pub fn at(self, t: f64) -> f64 {
         match self {
             Self::Sinusoid => 0.5 + 0.5 * (TAU * t).cos(),
@@ -30,44 +30,44 @@ impl Profile {
     }
 }
 
-/// A surface whose shape is a formula.
+/// Synthetic surface.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Synthetic {
-    /// What it is.
+    /// Shape of the surface.
     pub shape: Shape,
-    /// Pixels of a row and of a column.
+    /// Pixels per side.
     pub pixels: usize,
-    /// Distance of two pixels in µm.
+    /// Pixel pitch in µm.
     pub pixel_um: f64,
     /// Period in µm.
     pub period_um: f64,
-    /// From the lowest to the highest point, in µm.
+    /// Peak-to-peak depth in µm.
     pub depth_um: f64,
     /// Direction of the grating vector, anticlockwise from the right, in rad.
     pub angle: f64,
 }
 
-/// Kinds of surface.
+/// Shape of a synthetic surface.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
-    /// A grating.
+    /// Grating.
     Grating(Profile),
-    /// A disc's tracks, a period apart, straight over so small a patch, with pits half a µm wide whose lengths and gaps are 3 to 11
-    /// times 0.3 µm, drawn from a fixed sequence.
+    /// Compact disc: straight tracks one period apart. Pits are 0.5 µm wide; lengths of pits and gaps are 3 to 11 times
+    /// 0.3 µm, from a fixed pseudorandom sequence.
     Cd,
-    /// Left and right half are gratings of two periods, the second 8 % longer and turned by 6°.
+    /// Two gratings in the left and right half; the second period is 8 % longer and rotated by 6°.
     TwoRegions,
-    /// Rows of fingers as on a snake's scale: along the grating vector a wave whose crests are pointed, its phase moved by half a period from
-    /// row to row and wandering by a tenth.
+    /// Rows of fingers as on a snake's scale: a wave with pointed crests along the grating vector. Its phase changes by
+    /// half a period between rows and varies by a tenth.
     Fingers,
 }
 
 impl Synthetic {
-    /// Makes the height field. A pattern fits into the patch a whole number of times only where the period divides the patch's side.
+    /// Computes the height field. Only a period that divides the side gives a whole number of periods.
     ///
     /// # Errors
-    /// `Input` for numbers that make no sense.
+    /// `Input` for values out of range.
     pub fn field(&self) -> Result<HeightField> {
         check_size("surface", self.pixels, self.pixels)?;
         for (what, value, most) in [("period", self.period_um, 1e4), ("depth", self.depth_um, 100.0)] {
@@ -85,7 +85,7 @@ impl Synthetic {
         HeightField::new("surface", self.pixels, self.pixels, self.pixel_um, um)
     }
 
-    /// Height from 0 to 1 at a place in µm from the middle, y up.
+    /// Relative height (0 to 1) at a position in µm from the centre, y up.
     fn relative(&self, x: f64, y: f64) -> f64 {
         let (sin, cos) = self.angle.sin_cos();
         let (along, across) = (x * cos + y * sin, y * cos - x * sin);
@@ -111,13 +111,13 @@ impl Synthetic {
         }
     }
 
-    /// Whether there is a pit at `t` tracks and a place in µm along the track.
+    /// Whether there is a pit at `t` tracks and a position in µm along the track.
     fn is_pit(&self, t: f64, along: f64) -> bool {
         let track = t.round();
         if (t - track).abs() * self.period_um > 0.25 {
             return false;
         }
-        // Walk from a place before every patch: runs of 3 to 11 channel bits.
+        // Starts before every patch, with runs of 3 to 11 channel bits.
         let mut place = -0.5 * self.pixels as f64 * self.pixel_um * std::f64::consts::SQRT_2 - 3.3;
         let mut k = (track as i64).wrapping_mul(1 << 20);
         while place <= along {
@@ -128,7 +128,7 @@ impl Synthetic {
     }
 }
 
-/// A number from 0 to 1 that looks random (SplitMix64).
+/// Pseudorandom number from 0 to 1 (SplitMix64).
 fn noise(k: i64) -> f64 {
     let mut z = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,4 +1,4 @@
-//! Height fields as files and formulas hold them.
+//! Height fields from files and formulas.
 
 use super::*;
 use nacre_image::{Attribute, write_exr, write_png8};
@@ -146,7 +146,7 @@ fn real_patches_are_read() {
         let field = read(&path, &Scale::default()).unwrap();
         assert!((field.pixel_um - 10.0 / 128.0).abs() < 1e-9 && (0.5..0.65).contains(&field.range_um()));
         let first = Quality::of(&field, 65.0).periods[0];
-        // The label of the sample: a pitch of 2.88 µm.
+        // Nominal pitch of the sample: 2.88 µm.
         assert!((first.period_um - 2.88).abs() < first.resolution_um, "{first:?}");
     }
     for name in ["Elaph100x100.png", "Xeno100x100.png", "BlazingBump.bmp", "CosineBump.bmp", "100x100stamBump.bmp"] {

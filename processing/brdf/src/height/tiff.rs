@@ -18,10 +18,11 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
-/// Most bytes of samples that are decoded: 64-bit samples of the largest height field.
+/// Largest decoded samples in bytes: 64-bit samples of the largest height field.
 const MAX_BYTES: usize = 8 * super::MAX_PIXELS;
 
-/// Largest pitch in µm that a resolution per inch or centimetre is believed: programs write 72 to 1200 dots per inch by habit.
+/// Largest pitch in µm that is accepted from a resolution per inch or centimetre; many programs write 72 to 1200 dots
+/// per inch by default.
 const BELIEVED: f64 = 10.0;
 
 type Image = Decoder<BufReader<File>>;
@@ -62,7 +63,7 @@ fn decode(path: &Path, scale: &Scale) -> Result<HeightField> {
         .map_err(fault)?
         .and_then(|b| b.first().copied())
         .unwrap_or(1);
-    // Grey values from black to white, and colours, are images like others.
+    // Grey values from black to white, and colours, are read as images.
     if !gray || (format == 1 && bits <= 16 && stated.unit_um.is_none()) {
         drop(image);
         let mut field = picture::with_pitch(path, scale, stated.pitch)?;
@@ -99,7 +100,7 @@ fn samples(decoded: DecodingResult) -> (Vec<f64>, &'static str) {
     }
 }
 
-/// Refuses TIFFs of instruments that keep their heights in private tags, beside a picture.
+/// Refuses TIFFs of instruments that store the heights in private tags, beside a picture.
 fn instrument(path: &Path, image: &mut Image) -> Result<()> {
     let mut has = |tag: u16| image.find_tag(Tag::from_u16_exhaustive(tag)).ok().flatten().is_some();
     let name = match () {
@@ -111,7 +112,7 @@ fn instrument(path: &Path, image: &mut Image) -> Result<()> {
     Err(Error::file(path, problem, "export the heights as Gwyddion file (.gwy), X3P or text"))
 }
 
-/// Scale that the tags state.
+/// Scale stated by the tags.
 #[derive(Default)]
 struct Stated {
     pitch: Pitch,
@@ -151,7 +152,7 @@ impl Stated {
         this
     }
 
-    /// ImageJ's line `cf=0`, `c0`, `c1` with `vunit`: values in a unit of length.
+    /// ImageJ's calibration `cf=0`, `c0`, `c1` with `vunit`: values in a unit of length.
     fn calibration<'a>(&mut self, key: &impl Fn(&str) -> Option<&'a str>) {
         let number = |name: &str| key(name).and_then(|v| v.trim().parse::<f64>().ok());
         if let (Some("0"), Some(slope), Some(unit)) =
@@ -167,7 +168,7 @@ fn other_unit(name: &str) -> Option<f64> {
     (name == "inch" || name == "in").then_some(25_400.0)
 }
 
-/// µm of the unit of the resolution.
+/// µm per unit of the resolution.
 fn dots(unit: u16) -> Option<(f64, &'static str)> {
     match unit {
         2 => Some((25_400.0, "inch")),

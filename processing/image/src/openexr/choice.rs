@@ -1,14 +1,14 @@
-//! Which channels of an OpenEXR file are its picture: layers, views and parts by their names.
+//! Choice of the picture in an OpenEXR file: layers, views and parts by their names.
 
 use exr::meta::header::Header;
 
 use super::{EXPORT, utf8};
 use crate::fault::{Decoded, Fault};
 
-/// Last parts of names that stand for the whole picture among its passes (Blender, renderers).
+/// Last components of layer names that denote the complete picture among render passes (Blender, renderers).
 const WHOLE: [&str; 3] = ["combined", "beauty", "rgba"];
 
-/// Channels of a picture, by their numbers in the header.
+/// Channels of a picture by their indices in the header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Channels {
     Grey(usize),
@@ -18,16 +18,16 @@ pub(super) enum Channels {
 }
 
 impl Channels {
-    /// 1 (grey) or 3.
+    /// Number of channels of the picture: 1 (grey) or 3.
     pub(super) fn count(self) -> usize {
         if matches!(self, Self::Grey(_)) { 1 } else { 3 }
     }
 }
 
-/// A picture of a file.
+/// Picture in a file.
 #[derive(Clone, Debug)]
 pub(super) struct Choice {
-    /// Number of its header.
+    /// Index of its header.
     pub header: usize,
     pub channels: Channels,
     pub notes: Vec<String>,
@@ -35,17 +35,17 @@ pub(super) struct Choice {
 
 struct Candidate {
     header: usize,
-    /// Name of its part, its layer within the part, and its view; empty for the only one.
+    /// Name of its part, layer and view; empty if it is the only picture.
     name: String,
-    /// Whether its channels have no layer's name before them.
+    /// Whether its channel names have no layer prefix.
     root: bool,
     channels: Channels,
 }
 
-/// The picture named `wanted`, or the one that a file has or marks as the main one.
+/// Chooses the picture named `wanted`, or else the only one or the main one of the file.
 ///
 /// # Errors
-/// When there is none, or more than one and `wanted` names none of them; `remedy` says how to name one.
+/// If there is no picture, or none of several is named; `remedy` describes how to name one.
 pub(super) fn choose(headers: &[Header], wanted: Option<&str>, remedy: &'static str) -> Decoded<Choice> {
     let candidates = candidates(headers);
     let names = || candidates.iter().map(|c| shown(&c.name)).collect::<Vec<_>>().join(", ");
@@ -75,7 +75,7 @@ fn shown(name: &str) -> String {
     if name.is_empty() { "R, G, B without a layer".into() } else { format!("{name:?}") }
 }
 
-/// The picture without a layer's name (the default view), or the only one whose name stands for the whole.
+/// Picture without a layer name (the default view), or the only one whose name denotes the complete picture.
 fn main<'a>(headers: &[Header], all: &'a [Candidate]) -> Option<&'a Candidate> {
     let only = |mut of: Box<dyn Iterator<Item = &'a Candidate> + 'a>| of.next().filter(|_| of.next().is_none());
     let whole = |c: &&Candidate| {
@@ -86,7 +86,7 @@ fn main<'a>(headers: &[Header], all: &'a [Candidate]) -> Option<&'a Candidate> {
     root.or_else(|| only(Box::new(all.iter().filter(whole))))
 }
 
-/// The one channel of a file without R, G and B, whatever its name.
+/// The only channel of a file without R, G and B, whatever its name.
 fn only_channel(headers: &[Header]) -> Decoded<Choice> {
     let flat = headers.iter().position(|header| !header.deep);
     let header = flat.ok_or_else(|| Fault::unusable("has only deep layers, which are not read", EXPORT))?;
@@ -118,7 +118,7 @@ fn candidates(headers: &[Header]) -> Vec<Candidate> {
             all.push(Candidate { header: index, name, root: layer.is_empty(), channels });
         }
     }
-    // Parts of several views may have one name.
+    // Parts of several views may share a name.
     for k in 0..all.len() {
         let view = headers[all[k].header].own_attributes.view_name.as_ref().map(utf8);
         if let Some(view) = view.filter(|_| all.iter().filter(|c| c.name == all[k].name).count() > 1) {
@@ -128,12 +128,12 @@ fn candidates(headers: &[Header]) -> Vec<Candidate> {
     all
 }
 
-/// Layer and name of a channel: `ViewLayer.Combined` and `R` of `ViewLayer.Combined.R`.
+/// Layer and name of a channel: `ViewLayer.Combined` and `R` for `ViewLayer.Combined.R`.
 fn split(name: &str) -> (&str, &str) {
     name.rsplit_once('.').unwrap_or(("", name))
 }
 
-/// The picture of a layer: R, G and B, or Y with or without RY and BY. X, Y, Z are a vector.
+/// Picture of a layer: R, G and B, or Y with or without RY and BY. X, Y, Z are a vector, not a colour.
 fn picture(names: &[String], layer: &str) -> Option<Channels> {
     let find = |wanted: &str| {
         names.iter().position(|name| {

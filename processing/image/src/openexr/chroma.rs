@@ -1,6 +1,6 @@
-//! Pictures of OpenEXR files, those with subsampled channels (luminance and chroma) included.
+//! Pictures of OpenEXR files, also with subsampled channels (luminance and chroma).
 //!
-//! The exr crate refuses subsampled channels but decompresses their blocks; the rest of such files is read here.
+//! The exr crate refuses subsampled channels but can decompress their blocks; this module reads the rest of such files.
 
 use std::io::{Read, Seek, SeekFrom};
 
@@ -17,19 +17,19 @@ use crate::primaries::Primaries;
 use crate::raster::zeroed;
 use crate::source::Source;
 
-/// Largest distance of samples, in pixels.
+/// Largest subsampling factor.
 const MOST_SAMPLING: usize = 8;
 
-/// Third byte of a block of B44 from which on all its samples are the same.
+/// Third byte of a B44 block from which all its samples are equal.
 const FLAT_B44: u8 = 13 << 2;
 
-/// An opened file whose pixels have not been touched.
+/// Opened file before its pixels are read.
 pub(super) enum Opened {
     Plain(Box<Layer>),
     Subsampled(Box<Subsampled>),
 }
 
-/// Opens a file and chooses its picture; also the picture's width and height.
+/// Opens a file and chooses its picture; returns its width and height too.
 pub(super) fn open(
     mut source: Source,
     wanted: Option<&str>,
@@ -66,7 +66,7 @@ impl Opened {
         }
     }
 
-    /// The samples of the picture, interleaved; luminance and chroma become R, G and B.
+    /// Samples of the picture, interleaved; luminance and chroma are converted to R, G and B.
     pub(super) fn picture(self, choice: &Choice) -> Decoded<Vec<f32>> {
         let [width, height] = self.window().size;
         let wanted = match choice.channels {
@@ -100,17 +100,17 @@ impl Opened {
     }
 }
 
-/// A file of one part in scanlines, some of whose channels have fewer samples than pixels.
+/// Single-part scanline file with subsampled channels.
 pub(super) struct Subsampled {
     source: Source,
     header: Header,
     window: Window,
-    /// Places of the blocks in the file.
+    /// Offsets of the blocks in the file.
     offsets: Vec<u64>,
 }
 
 impl Subsampled {
-    /// Checks the header, which the source is behind, and reads the table of blocks.
+    /// Checks the header, which has been read, and reads the table of offsets.
     fn new(mut source: Source, header: Header) -> Decoded<Self> {
         let window = Window::of(&header)?;
         check_header(&header, &window)?;
@@ -152,7 +152,7 @@ impl Subsampled {
         Ok(())
     }
 
-    /// Reads a block: its first row, the length of its data, and these.
+    /// Reads a block: its first row, the length of its data, and its data.
     fn block(
         &mut self,
         offset: u64,
@@ -200,9 +200,9 @@ impl Subsampled {
         Ok(())
     }
 
-    /// The samples of a block, row by row and channel by channel.
+    /// Samples of a block, row by row and channel by channel.
     fn decompressed(&self, bytes: Vec<u8>, expected: usize, bounds: IntegerBounds) -> Decoded<Vec<u8>> {
-        // Blocks that compression would lengthen are stored as they are.
+        // Blocks that compression would enlarge are stored uncompressed.
         let compressed = bytes.len() != expected;
         if compressed && matches!(self.header.compression, Compression::B44 | Compression::B44A) {
             return self.decompressed_b44(&bytes, bounds);
@@ -211,13 +211,14 @@ impl Subsampled {
             return Err(Fault::unusable("has subsampled channels of an unusual kind", EXPORT));
         }
         let mut header = self.header.clone();
-        // The crate knows the size of a block as pixels times bytes of a pixel.
+        // The exr crate takes the size of a block to be pixels times bytes per pixel.
         header.channels.bytes_per_pixel = expected / bounds.size.area();
         let bytes = section(&header, bytes, bounds)?;
         if bytes.len() == expected { Ok(bytes) } else { Err(Fault::damaged("a block has another size")) }
     }
 
-    /// B44 stores one channel after the other, in blocks of 4 x 4 samples; each is decompressed as a picture of its own.
+    /// Decompresses B44, which stores one channel after the other in blocks of 4 x 4 samples; each channel is treated
+    /// as a picture.
     fn decompressed_b44(&self, bytes: &[u8], bounds: IntegerBounds) -> Decoded<Vec<u8>> {
         let [width, height] = [bounds.size.0, bounds.size.1];
         let early = || Fault::damaged("a block ends too early");
@@ -259,7 +260,7 @@ impl Subsampled {
         Ok(lines)
     }
 
-    /// Decompresses a channel of a block by itself.
+    /// Decompresses one channel of a block.
     fn single(&self, channel: &ChannelDescription, data: Vec<u8>, [columns, rows]: [usize; 2]) -> Decoded<Vec<u8>> {
         if columns * rows == 0 {
             return Ok(vec![]);
@@ -275,7 +276,7 @@ fn section(header: &Header, bytes: Vec<u8>, bounds: IntegerBounds) -> Decoded<Ve
     header.compression.decompress_image_section_from_le(header, bytes, bounds, false).map_err(fault)
 }
 
-/// Bytes of a row of all channels.
+/// Bytes per row of all channels.
 fn row_bytes(channels: &[ChannelDescription], width: usize, y: usize) -> usize {
     let stored = channels.iter().filter(|c| y.is_multiple_of(c.sampling.1));
     stored.map(|c| width / c.sampling.0 * c.sample_type.bytes_per_sample()).sum()
@@ -311,7 +312,7 @@ fn check_header(header: &Header, window: &Window) -> Decoded<()> {
     Ok(())
 }
 
-/// A row of a channel, with values between its samples interpolated linearly; samples lie on the first pixel of their cell.
+/// Row of a channel, interpolated linearly between samples, which lie on the first pixel of their cell.
 fn interpolate(plane: &[f32], channel: &ChannelDescription, size: [usize; 2], y: usize, line: &mut [f32]) {
     let [columns, rows] = resolution(channel, size);
     let [across, down] = [channel.sampling.0, channel.sampling.1];
@@ -321,7 +322,7 @@ fn interpolate(plane: &[f32], channel: &ChannelDescription, size: [usize; 2], y:
     for (x, out) in line.iter_mut().enumerate() {
         let (left, right) = (x / across, (x / across + 1).min(columns - 1));
         let u = (x % across) as f32 / across as f32;
-        // Without weights of 0, which would turn infinities into NaN.
+        // A weight of 0 would turn infinities into NaN.
         let mix = |a: f32, b: f32, t: f32| if t == 0.0 { a } else { a + t * (b - a) };
         *out = mix(mix(upper[left], upper[right], u), mix(lower[left], lower[right], u), v);
     }

@@ -1,4 +1,4 @@
-//! Layers of OpenEXR: windows, sizes and blocks.
+//! Layers of OpenEXR files: windows, sizes and blocks.
 
 use std::io::{Read, Seek};
 
@@ -19,28 +19,28 @@ use crate::raster::check_size;
 use crate::source::Source;
 use nacre_base::guard::guarded;
 
-/// Bytes of blocks that are decompressed at a time; one block for each thread at least.
+/// Bytes of blocks that are decompressed together; at least one block per thread.
 const BATCH_BYTES: usize = 16 << 20;
 
-/// Number of the last compression that the exr crate knows (HTJ2K 32).
+/// Number of the last compression known to the exr crate (HTJ2K 32).
 const LAST_COMPRESSION: u8 = 11;
 
-/// Bytes in which the attributes of the first headers are sought.
+/// Number of bytes that are searched for the attributes of the first headers.
 const HEADER_BYTES: u64 = 1 << 16;
 
-/// Where the pixels of a layer (its data window) lie within the picture (the display window).
+/// Position of a layer's pixels (its data window) within the picture (the display window).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Window {
     /// Width and height of the picture.
     pub size: [usize; 2],
     /// Width and height of the stored pixels.
     pub data: [usize; 2],
-    /// Column and row of the picture where the stored pixels begin.
+    /// Column and row of the picture at which the stored pixels begin.
     offset: [i64; 2],
 }
 
 impl Window {
-    /// Of a header; windows that do not overlap or are too large are refused.
+    /// Windows of a header. Windows that do not overlap or are too large are refused.
     pub(super) fn of(header: &Header) -> Decoded<Self> {
         let bytes = header.channels.list.len() as u64 * 4;
         let data = check_size([header.layer_size.0 as u64, header.layer_size.1 as u64], bytes)?;
@@ -65,7 +65,7 @@ impl Window {
         covers(0) && covers(1)
     }
 
-    /// Index in the picture of the first pixel of a piece of a stored row that is seen, and which part of the piece that is.
+    /// Visible range of a piece of a stored row, and the index of its first pixel in the picture.
     pub(super) fn place(&self, [x, y]: [usize; 2], len: usize) -> Option<(usize, std::ops::Range<usize>)> {
         let [column, row] = [x as i64 + self.offset[0], y as i64 + self.offset[1]];
         let [width, height] = self.size.map(|n| n as i64);
@@ -74,7 +74,7 @@ impl Window {
         seen.then(|| ((row * width + begin) as usize, (begin - column) as usize..(end - column) as usize))
     }
 
-    /// Sentence on windows that differ.
+    /// Note about windows that differ.
     pub(super) fn note(&self) -> Option<String> {
         let [width, height] = self.size;
         if self.offset == [0; 2] && self.data == self.size {
@@ -91,7 +91,7 @@ impl Window {
     }
 }
 
-/// Reads the headers of a file, which the source is behind then. Compressions newer than the exr crate are told apart from damage.
+/// Reads the headers of a file. Compressions newer than the exr crate are distinguished from damage.
 pub(super) fn headers(source: &mut Source) -> Decoded<MetaData> {
     MetaData::read_from_buffered(&mut *source, false).map_err(|error| {
         let newer = unknown_compression(source).map(|code| {
@@ -112,7 +112,7 @@ fn unknown_compression(source: &mut Source) -> Option<u8> {
     codes.into_iter().find(|code| *code > LAST_COMPRESSION)
 }
 
-/// Width and height of the picture that the first flat layer belongs to, by the header alone.
+/// Width and height of the picture of the first flat layer, from the header alone.
 pub(super) fn size(mut source: Source) -> Decoded<[usize; 2]> {
     let meta = headers(&mut source)?;
     Ok(Window::of(&meta.headers[first_flat(&meta.headers)?])?.size)
@@ -123,12 +123,12 @@ fn first_flat(headers: &[Header]) -> Decoded<usize> {
     flat.ok_or_else(|| Fault::unusable("has only deep layers, which are not read", EXPORT))
 }
 
-/// Whether channels of a flat layer have fewer samples than pixels.
+/// Whether channels of a flat layer are subsampled.
 pub(super) fn is_subsampled(header: &Header) -> bool {
     !header.deep && header.channels.list.iter().any(|c| c.sampling.0 != 1 || c.sampling.1 != 1)
 }
 
-/// A layer whose size has been checked and whose pixels have not been touched.
+/// Layer with checked size, before its pixels are read.
 pub(super) struct Layer {
     reader: Reader<Source>,
     index: usize,
@@ -136,7 +136,7 @@ pub(super) struct Layer {
 }
 
 impl Layer {
-    /// The first flat layer.
+    /// Opens the first flat layer.
     pub(super) fn first(mut source: Source) -> Decoded<Self> {
         let meta = headers(&mut source)?;
         let index = first_flat(&meta.headers)?;
@@ -150,7 +150,7 @@ impl Layer {
         Self::open(source, index)
     }
 
-    /// A flat layer by its number.
+    /// Opens a flat layer by its index.
     pub(super) fn open(source: Source, index: usize) -> Decoded<Self> {
         let file_bytes = source.get_ref().metadata()?.len();
         let reader = Reader::read_from_buffered(source, false).map_err(fault)?;
@@ -171,7 +171,8 @@ impl Layer {
         &self.reader.headers()[self.index]
     }
 
-    /// Calls `put(channel, index of the first pixel in the picture, values)` for every piece of row of every channel that is seen.
+    /// Calls `put(channel, index of the first pixel in the picture, values)` for every visible piece of a row of every
+    /// channel.
     pub(super) fn decode(self, mut put: impl FnMut(usize, usize, &[f32])) -> Decoded<()> {
         let (index, window) = (self.index, self.window);
         let [width, height] = window.data;
@@ -208,7 +209,7 @@ impl Layer {
                 insert(block, &header.channels)?;
             }
         }
-        // Chunks may name the same block twice, and then another is missing.
+        // Two chunks may name the same block, so that another one is missing.
         if found.iter().any(|&pixels| pixels != width) {
             return Err(Fault::damaged("some rows are missing"));
         }
@@ -216,7 +217,7 @@ impl Layer {
     }
 }
 
-/// Refuses a table of chunk offsets, 8 bytes per chunk, that the file cannot hold.
+/// Refuses a table of chunk offsets (8 bytes per chunk) that exceeds the file.
 pub(super) fn check_table(chunks: u64, file_bytes: u64) -> Decoded<()> {
     if chunks.saturating_mul(8) > file_bytes {
         return Err(Fault::damaged("the file is too short for its own table of contents"));
@@ -224,7 +225,7 @@ pub(super) fn check_table(chunks: u64, file_bytes: u64) -> Decoded<()> {
     Ok(())
 }
 
-/// Decompresses a block. The crate's own parallel reader does so in detached tasks, whose panics would end the process.
+/// Decompresses a block. The crate's parallel reader uses detached tasks, whose panics would end the process.
 fn decompress(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock, ExrError> {
     guarded(|| UncompressedBlock::decompress_chunk(chunk, meta, false))
         .unwrap_or_else(|panic| Err(ExrError::Invalid(panic.into())))
@@ -235,7 +236,7 @@ fn to_floats(line: &LineRef<'_>, kind: SampleType, values: &mut Vec<f32>) {
     floats(line.value, kind, values);
 }
 
-/// Adds samples in the machine's byte order to values.
+/// Appends samples in native byte order to values.
 pub(super) fn floats(bytes: &[u8], kind: SampleType, values: &mut Vec<f32>) {
     let words = bytes.as_chunks::<4>().0;
     match kind {

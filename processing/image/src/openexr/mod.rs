@@ -1,4 +1,4 @@
-//! OpenEXR in: one flat layer within its display window, any compression, half, float or integer samples as `f32`.
+//! OpenEXR input: one flat layer within its display window, any compression; half, float or integer samples as `f32`.
 
 mod choice;
 mod chroma;
@@ -19,30 +19,30 @@ use choice::Channels;
 use layer::Layer;
 use nacre_base::{Error, Result};
 
-/// Remedy for a feature of OpenEXR that is not read.
+/// Remedy for unsupported features of OpenEXR.
 const EXPORT: &str = "export it as OpenEXR with R, G and B in one flat layer";
 
 /// Remedy for a photograph with several pictures.
 const SEPARATE: &str = "export the layer that you mean as a file of its own";
 
-/// An EXR file as named planes.
+/// EXR file as named planes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExrMap {
     /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// One plane of `width · height` values per channel, row 0 on top.
     pub channels: BTreeMap<String, Vec<f32>>,
-    /// Text and number attributes other than those that every EXR has, as text.
+    /// Custom text and number attributes, as text.
     pub attributes: BTreeMap<String, String>,
 }
 
 impl ExrMap {
-    /// Takes a channel out of the map that was read from `path`.
+    /// Removes a channel from the map that was read from `path`, and returns it.
     ///
     /// # Errors
-    /// `Input` when there is none of that name.
+    /// `Input` if there is no channel of that name.
     pub fn take(&mut self, name: &str, path: &Path) -> Result<Vec<f32>> {
         self.channels
             .remove(name)
@@ -50,10 +50,10 @@ impl ExrMap {
     }
 }
 
-/// Reads all channels and attributes of the first flat layer of an EXR file. Outside its data window, the display window is NaN.
+/// Reads all channels and attributes of the first flat layer of an EXR file. Pixels outside of its data window are NaN.
 ///
 /// # Errors
-/// `Error::Input` when the file cannot be read, is not an EXR, is damaged, or is beyond the size limits.
+/// `Error::Input` if the file cannot be read, is not an EXR, is damaged, or exceeds the size limits.
 pub fn read_exr(path: &Path) -> Result<ExrMap> {
     decode(path, || read_map(open(path)?))
 }
@@ -75,8 +75,8 @@ fn read_map(source: Source) -> Decoded<ExrMap> {
     Ok(ExrMap { width, height, channels: names.into_iter().zip(planes).collect(), attributes })
 }
 
-/// Reads one channel of the first flat layer of an EXR file, and pixels per row; `None` when there is none of that name. The other
-/// channels take no memory.
+/// Reads one channel of the first flat layer of an EXR file and its number of pixels per row; `None` if there is no
+/// channel of that name. The other channels take no memory.
 ///
 /// # Errors
 /// As [`read_exr`].
@@ -131,7 +131,7 @@ pub(super) fn info(source: Source) -> Decoded<Info> {
     Ok(Info { width, height, channels: choice.channels.count(), depth: Depth::F32 })
 }
 
-/// The picture of a photograph, with its own primaries, black outside its data window.
+/// Reads a photograph in the primaries of the file, black outside of its data window.
 pub(super) fn read(source: Source) -> Decoded<Raster> {
     let (opened, choice, [width, height]) = chroma::open(source, None, SEPARATE)?;
     let info = Info { width, height, channels: choice.channels.count(), depth: Depth::F32 };
@@ -141,7 +141,8 @@ pub(super) fn read(source: Source) -> Decoded<Raster> {
 /// Attributes that name the colour space of a file.
 const SPACES: [&str; 3] = ["colorInteropID", "oiio:ColorSpace", "colorSpace"];
 
-/// Primaries by the chromaticities of a header, or by the name of its colour space. Notes say where that name is not a linear space.
+/// Primaries by the chromaticities of a header, or by the name of its colour space. Names of non-linear spaces are
+/// noted.
 fn primaries(header: &Header, notes: &mut Vec<String>) -> Option<Primaries> {
     if let Some(chromaticities) = header.shared_attributes.chromaticities {
         return Some(Primaries::from_exr(chromaticities));
@@ -155,7 +156,7 @@ fn primaries(header: &Header, notes: &mut Vec<String>) -> Option<Primaries> {
     primaries
 }
 
-/// The picture of a light, with what the file says about it; `layer` names one of several.
+/// Reads a light source with notes on the file; `layer` names one of several pictures.
 pub(super) fn read_light(source: Source, layer: Option<&str>) -> Decoded<Light> {
     let name_it =
         "name one (layer = \"NAME\" of a light in a scene, --layer NAME of nacre factor), or export it as a file";

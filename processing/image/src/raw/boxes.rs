@@ -1,4 +1,4 @@
-//! The boxes of a CR3 file, checked before its decoder is given the file: it takes their sizes and counts as they are.
+//! Check of the boxes of a CR3 file before decoding, because the decoder trusts their sizes and counts.
 
 use std::io::{Read, Seek, SeekFrom};
 
@@ -7,21 +7,21 @@ use crate::source::Source;
 
 use super::limits::{HARMLESS, SIDES, samples, tiff};
 
-/// Most boxes of a file, and the deepest nesting.
+/// Largest number of boxes of a file, and deepest nesting.
 const BOXES: usize = 4096;
 const DEPTH: usize = 16;
-/// The box of Canon's own boxes.
+/// Identifier of the box that holds Canon's boxes.
 const CANON: [u8; 16] =
     [0x85, 0xc0, 0xb6, 0x87, 0x82, 0x0f, 0x11, 0xe0, 0x81, 0x11, 0xf4, 0xce, 0x46, 0x2b, 0x6a, 0x48];
 
-/// A box: its name, its first byte after the header, and its end.
+/// Box: its name, its first byte after the header, and its end.
 struct Boxed {
     name: [u8; 4],
     body: u64,
     end: u64,
 }
 
-/// Refuses a file whose boxes are not each within the one around it, or claim sizes beyond the limits.
+/// Refuses a file with boxes that exceed the enclosing box or the size limits.
 pub(super) fn check(source: &mut Source, length: u64) -> Decoded<()> {
     let mut pending = vec![(0, length, 0)];
     let mut count = 0;
@@ -41,7 +41,7 @@ pub(super) fn check(source: &mut Source, length: u64) -> Decoded<()> {
     Ok(())
 }
 
-/// The box at an offset within one that ends at `end`.
+/// Header of the box at an offset within a box that ends at `end`.
 fn header(source: &mut Source, at: u64, end: u64) -> Decoded<Boxed> {
     let [size, name] = bytes::<8>(source, at).map(|b| [[b[0], b[1], b[2], b[3]], [b[4], b[5], b[6], b[7]]])?;
     let (size, head) = match u32::from_be_bytes(size) {
@@ -55,7 +55,7 @@ fn header(source: &mut Source, at: u64, end: u64) -> Decoded<Boxed> {
     Ok(Boxed { name, body: at + head, end: at + size })
 }
 
-/// Checks a box. Of one that holds boxes, the bytes before the first.
+/// Checks a box. For a box of boxes, returns the number of bytes before the first one.
 fn content(source: &mut Source, found: &Boxed, length: u64) -> Decoded<Option<u64>> {
     let word =
         |source: &mut Source, skip: u64| bytes(source, found.body + skip).map(|b| u64::from(u32::from_be_bytes(b)));

@@ -1,22 +1,22 @@
-//! From a mosaic to one pixel per cell of 2 × 2 colour filters, and from pixels of several planes to one black level.
+//! Reduction of a mosaic to one pixel per cell of 2 × 2 colour filters, and of several planes to one black level.
 
 use rayon::prelude::*;
 
 use crate::fault::{Decoded, Fault};
 use crate::raster::zeroed;
 
-/// Values of a sensor.
+/// Sensor value.
 pub(super) trait Value: Copy + Default + PartialOrd + Send + Sync {
-    /// This value, `shift` higher; never below the lowest of its type nor above the highest.
+    /// Value plus `shift`, within the range of its type.
     fn raised(self, shift: f64) -> Self;
-    /// The mean of two values; of integers, halves go to the even one, so that the mean over many pixels is kept.
+    /// Mean of two values. Integer halves are rounded to even, which preserves the mean over many pixels.
     fn mean(self, other: Self) -> Self;
     fn to_f64(self) -> f64;
 }
 
 impl Value for u16 {
     fn raised(self, shift: f64) -> Self {
-        // Saturates.
+        // The cast saturates.
         (f64::from(self) + shift).round() as Self
     }
 
@@ -45,7 +45,7 @@ impl Value for f32 {
     }
 }
 
-/// The part of the sensor that belongs to the picture.
+/// Region of the sensor that belongs to the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Area {
     pub(super) left: usize,
@@ -54,7 +54,7 @@ pub(super) struct Area {
     pub(super) height: usize,
 }
 
-/// Offsets (row, column) of red, both greens and blue in the cells of an area.
+/// Offsets (row, column) of red, both greens and blue in a cell of the mosaic.
 pub(super) type Cell = [[usize; 2]; 4];
 
 /// Values of a sensor with `planes` values per pixel.
@@ -63,16 +63,16 @@ pub(super) struct Sensor<'a, T> {
     /// Pixels per row.
     pub(super) width: usize,
     pub(super) planes: usize,
-    /// Added to a value: by its plane, or in mosaics by its place (row, column) in the cell, so that all have the same black level.
+    /// Offsets that equalise the black levels: per plane, or in mosaics per position (row, column) in the cell.
     pub(super) shifts: [f64; 4],
-    /// From this value on a pixel is saturated.
+    /// Saturation level.
     pub(super) white: f64,
 }
 
-/// The cell of an area, of which `color_at` says the colour of each pixel: 0 red, 1 green, 2 blue.
+/// Cell of an area, where `color_at` gives the colour of each pixel: 0 red, 1 green, 2 blue.
 ///
 /// # Errors
-/// When a cell is not one red, two green and one blue pixel.
+/// If a cell does not consist of one red, two green and one blue pixel.
 pub(super) fn cell(color_at: impl Fn(usize, usize) -> usize) -> Decoded<Cell> {
     let places = |color: usize| {
         [[0, 0], [0, 1], [1, 0], [1, 1]].into_iter().filter(|[y, x]| color_at(*y, *x) == color).collect::<Vec<_>>()
@@ -91,7 +91,7 @@ pub(super) fn not_bayer(found: &str) -> Fault {
 }
 
 impl<T: Value> Sensor<'_, T> {
-    /// One pixel of three values per cell; a last row or column of half cells is left out.
+    /// One pixel of three values per cell; a last row or column of half cells is dropped.
     pub(super) fn halved(&self, area: Area, cell: Cell) -> Decoded<Vec<T>> {
         let (width, height) = (area.width / 2, area.height / 2);
         let mut out = zeroed::<T>(width * height * 3)?;
@@ -101,7 +101,7 @@ impl<T: Value> Sensor<'_, T> {
                     let value = self.values[(area.top + 2 * row + y) * self.width + area.left + 2 * column + x];
                     (value.to_f64() >= self.white, value.raised(self.shifts[2 * y + x]))
                 });
-                // A saturated green stays saturated.
+                // A saturated green makes the mean saturated.
                 let green = match (first, second) {
                     ((false, a), (false, b)) => a.mean(b),
                     ((_, a), (_, b)) => {
@@ -118,7 +118,7 @@ impl<T: Value> Sensor<'_, T> {
         Ok(out)
     }
 
-    /// The pixels of an area as they are.
+    /// Pixels of an area, unchanged.
     pub(super) fn cropped(&self, area: Area) -> Decoded<Vec<T>> {
         let length = area.width * self.planes;
         let mut out = zeroed::<T>(length * area.height)?;
@@ -136,12 +136,12 @@ impl<T: Value> Sensor<'_, T> {
 mod tests {
     use super::*;
 
-    /// A sensor of 5 x 5 with a border, whose first colour is green.
+    /// Sensor of 5 x 5 with a border, whose first colour is green.
     #[test]
     fn cells_are_red_mean_of_greens_blue_at_any_origin() {
         let values: Vec<u16> = (0..25).map(|i| 100 + i * i).collect();
         let sensor = Sensor { values: &values, width: 5, planes: 1, shifts: [0.0; 4], white: 1000.0 };
-        // Rows G R / B G from (0, 0); at (1, 0) it is B G / G R.
+        // Rows G R / B G from (0, 0); at (1, 0) the pattern is B G / G R.
         let pattern = [[1, 0], [2, 1]];
         let cell = cell(|y, x| pattern[(y + 1) % 2][x % 2]).unwrap();
         let area = Area { left: 0, top: 1, width: 5, height: 4 };

@@ -1,5 +1,7 @@
-//! Decodes camera raw files in a process of its own where the program allows it (`nacre_base::contained`): a damaged file can make the
-//! third-party decoder ask for any amount of memory, abort or never end. In other programs it is decoded here.
+//! Decoding of camera raw files in a separate process, where the program provides one (`nacre_base::contained`).
+//!
+//! A damaged file can make the third-party decoder allocate without limit, abort, or never end. Other programs decode
+//! in their own process.
 
 use std::collections::HashMap;
 use std::os::unix::fs::MetadataExt;
@@ -22,10 +24,10 @@ use crate::source::{Source, decode, open};
 use super::recognise::Kind;
 use super::{Taken, decode as decoder};
 
-/// Most processor time of a decoder, in s; the largest files take a few.
+/// Largest processor time of a decoder in s; the largest files take a few.
 const PROCESSOR_S: u64 = 120;
 
-/// A camera raw file to be decoded by another process.
+/// Request to decode a camera raw file in another process.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Decoding {
     file: PathBuf,
@@ -39,7 +41,8 @@ enum Wanted {
     Pixels,
 }
 
-/// All that a file states beside its pixels. One process reads it all, since starting a process takes longer.
+/// All statements of a file besides its pixels. One process reads them together, because starting a process takes
+/// longer.
 #[derive(Clone, Serialize, Deserialize)]
 struct Statements {
     header: Header,
@@ -47,7 +50,7 @@ struct Statements {
     exposure: Option<Taken>,
 }
 
-/// An [`Info`] on its way; samples have 16 bits or are floats.
+/// Serialised [`Info`]; samples have 16 bits or are floats.
 #[derive(Clone, Serialize, Deserialize)]
 struct Header {
     size: [usize; 2],
@@ -81,7 +84,7 @@ impl Decoding {
             let Format::Raw(kind) = sniff(&mut source)? else { return Err(Fault::unusable("has changed", RENEW)) };
             match self.part {
                 Wanted::Statements => {
-                    // Decoders keep the file that they were given.
+                    // Decoders keep the file that they are given.
                     let header = decoder::info(source, kind)?.into();
                     let exposure = decoder::exposure(open(&self.file)?, kind);
                     let levels = decoder::levels(open(&self.file)?, kind);
@@ -102,7 +105,7 @@ impl Decoding {
     }
 }
 
-/// Ends or hangs as a damaged file can make a decoder do, where `NACRE_DECODER` is `abort` or `loop`: for tests, not in release builds.
+/// Aborts or hangs as with a damaged file if `NACRE_DECODER` is `abort` or `loop`; for tests, not in release builds.
 fn misbehave() {
     if cfg!(debug_assertions) {
         match std::env::var("NACRE_DECODER").as_deref() {
@@ -115,7 +118,7 @@ fn misbehave() {
     }
 }
 
-/// Has a process decode a part of a file.
+/// Lets another process decode a part of a file.
 fn ask(file: &Path, part: Wanted) -> Decoded<Part> {
     let decoding = Decoding { file: std::path::absolute(file)?, part };
     let limits = Limits { memory: budget::allowed(), processor_s: Some(PROCESSOR_S), background: false };
@@ -139,15 +142,16 @@ fn value<T: DeserializeOwned>(part: Part) -> Decoded<T> {
     serde_json::from_value(part.value).map_err(|e| Fault::damaged(format!("its decoder answers {e}")))
 }
 
-/// Files whose statements are remembered.
+/// Number of files whose statements are cached.
 const MOST_KNOWN: usize = 1024;
 
-/// Device, inode, length, and times of the last changes of contents and of the inode: a file that is replaced or written to has others.
+/// Device, inode, length, and times of the last changes of contents and inode: a replaced or modified file has another
+/// identity.
 type Identity = ([u64; 3], [i64; 4]);
 
 static KNOWN: LazyLock<Mutex<HashMap<Identity, Statements>>> = LazyLock::new(Mutex::default);
 
-/// The statements of a file, from a process unless they are known.
+/// Statements of a file, from the cache or another process.
 fn statements(path: &Path, source: &Source) -> Decoded<Statements> {
     let found = source.get_ref().metadata()?;
     let identity = (

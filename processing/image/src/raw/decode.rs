@@ -1,4 +1,4 @@
-//! Camera raw files through the crate rawler.
+//! Camera raw files, decoded by the crate rawler.
 
 use std::io::Read;
 use std::sync::{Arc, OnceLock};
@@ -22,23 +22,23 @@ use super::cells::{Area, Cell, Sensor, Value, cell, not_bayer};
 use super::limits;
 use super::recognise::{Kind, Layout};
 
-/// Photometric interpretation of a DNG whose pixels have all colours.
+/// Photometric interpretation of a DNG with all colours per pixel (LinearRaw).
 const LINEAR: usize = 34_892;
 const REMEDY: &str = "convert it to DNG (Adobe DNG Converter, `dnglab convert`) or, with `dcraw -4 -h -o 0 -r 1 1 1 1 -T FILE`, to a linear 16-bit TIFF of half the size";
 
-/// The same of a file that is a DNG already.
+/// Remedy for a file that is a DNG already.
 const DEVELOP: &str = "convert it with `dcraw -4 -h -o 0 -r 1 1 1 1 -T FILE` to a linear 16-bit TIFF";
 
-/// A raw file, of which its tags were read.
+/// Raw file whose tags have been read.
 struct Opened {
     kind: Kind,
     file: RawSource,
     decoder: Box<dyn Decoder>,
 }
 
-/// What is known before the values are decoded, and what they become.
+/// Description of the sensor values, before they are decoded.
 struct Layer {
-    /// Pixels of the sensor.
+    /// Width and height of the sensor in pixels.
     size: [usize; 2],
     planes: usize,
     area: Area,
@@ -56,7 +56,8 @@ pub(crate) fn read(source: Source, kind: Kind) -> Decoded<Raster> {
     pooled(|| picture(source, kind))
 }
 
-/// Runs a decoder, whose loops over rows are parallel, on threads where the panics that a damaged file causes are not printed.
+/// Runs a decoder on its own threads, where panics caused by damaged files are not printed. Its loops over rows are
+/// parallel.
 fn pooled<T: Send>(decoder: impl FnOnce() -> Decoded<T> + Send) -> Decoded<T> {
     static THREADS: OnceLock<Option<ThreadPool>> = OnceLock::new();
     let build =
@@ -82,7 +83,8 @@ fn picture(source: Source, kind: Kind) -> Decoded<Raster> {
     info.raster(samples)
 }
 
-/// Black and white in values of the file; none where it does not say white. The values are decoded, as cameras measure black beside the picture.
+/// Black and white level in file values; `None` without a stated white level. The values are decoded, because cameras
+/// measure black beside the picture.
 pub(crate) fn levels(source: Source, kind: Kind) -> Decoded<Option<[f64; 2]>> {
     pooled(|| {
         let opened = open(source, kind)?;
@@ -93,7 +95,7 @@ pub(crate) fn levels(source: Source, kind: Kind) -> Decoded<Option<[f64; 2]>> {
     })
 }
 
-/// How the photograph was taken, of files whose Exif tags only the decoder finds.
+/// Exposure settings of files whose Exif tags only this decoder finds.
 pub(crate) fn exposure(source: Source, kind: Kind) -> Option<Taken> {
     let opened = open(source, kind).ok()?;
     let exif = opened.decoder.raw_metadata(&opened.file, &RawDecodeParams::default()).ok()?.exif;
@@ -122,13 +124,13 @@ fn open(mut source: Source, kind: Kind) -> Decoded<Opened> {
 }
 
 impl Opened {
-    /// The decoded values, or with `dry` all but these (of most formats).
+    /// Decoded values; with `dry`, all but the values (of most formats).
     fn image(&self, dry: bool) -> Decoded<RawImage> {
         let decode = || self.decoder.raw_image(&self.file, &RawDecodeParams::default(), dry);
         decode().map_err(|error| fault(self.kind, error))
     }
 
-    /// Described by the decoded image, or without decoding one.
+    /// Description from the decoded image, or without decoding.
     fn layer(&self, image: Option<&RawImage>) -> Decoded<Layer> {
         if self.kind.layout == Layout::Dng {
             return self.negative();
@@ -150,7 +152,7 @@ impl Opened {
         Ok(Layer { size, planes: 1, area, origin: Point::zero(), cell: Some(cell), float })
     }
 
-    /// The layer of a DNG, of which the decoder has no description without the values.
+    /// Description of a DNG, which the decoder gives only together with the values.
     fn negative(&self) -> Decoded<Layer> {
         let tags = self.decoder.ifd(WellKnownIFD::Raw).map_err(|error| fault(self.kind, error))?;
         let Some(tags) = tags else { return Err(Fault::damaged("no picture")) };
@@ -202,13 +204,13 @@ impl Opened {
         Ok(Layer { size, planes, area, origin: active.p, cell, float })
     }
 
-    /// The lowest of the values from which a pixel is saturated.
+    /// Lowest saturation level of all channels.
     fn white(&self, image: &RawImage) -> Option<f64> {
         let stated = || {
             let tags = self.decoder.ifd(WellKnownIFD::Raw).ok()??;
             tags.get_entry(TiffCommonTag::WhiteLevel).map(|_| ())
         };
-        // The decoder's own default is one for integers.
+        // For integers, the decoder's default applies.
         if matches!(image.data, RawImageData::Float(_)) && stated().is_none() {
             return Some(1.0);
         }
@@ -217,7 +219,7 @@ impl Opened {
 }
 
 impl Layer {
-    /// What the picture is: half as wide and high as a mosaic's area.
+    /// Size and type of the picture: half the width and height of a mosaic's area.
     fn info(&self) -> Decoded<Info> {
         let Area { width, height, .. } = self.area;
         let depth = if self.float { Depth::F32 } else { Depth::U16 };
@@ -230,7 +232,7 @@ impl Layer {
         Info::checked(size.map(|side| side as u64), channels, depth, channels as u64, depth.bytes() as u64)
     }
 
-    /// Black levels by place in the cell, or by plane.
+    /// Black levels by position in the cell, or by plane.
     fn black(&self, image: &RawImage) -> Decoded<Vec<f64>> {
         let black = &image.blacklevel;
         let levels: Vec<f64> = black.levels.iter().map(|r| f64::from(r.n) / f64::from(r.d.max(1))).collect();
@@ -255,7 +257,7 @@ impl Layer {
         Ok(vec![at(0, 0), at(0, 1), at(1, 0), at(1, 1)])
     }
 
-    /// The values of the picture. Where black differs, all are raised to the highest.
+    /// Values of the picture, with all black levels raised to the highest.
     fn values<T: Value>(&self, values: &[T], black: Vec<f64>, white: f64) -> Decoded<Vec<T>> {
         let [width, height] = self.size;
         if values.len() != width * height * self.planes {
@@ -278,14 +280,15 @@ fn highest(levels: &[f64]) -> f64 {
     levels.iter().copied().fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Refuses a DNG whose values are linear light, or have one black level, only after steps that are not done.
+/// Refuses a DNG whose values become linear light, or get a common black level, only by processing steps that are not
+/// supported.
 fn unlike_the_sensor(tags: &IFD) -> Decoded<()> {
     const MAP_TABLE: u32 = 7;
     const MAP_POLYNOMIAL: u32 = 8;
     for list in [DngTag::OpcodeList1, DngTag::OpcodeList2] {
         let bytes = tags.get_entry(list).map_or(&[][..], |entry| entry.get_data());
         let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]));
-        // Each step: its number, version, flags, and length of its parameters.
+        // Each step has number, version, flags, and length of its parameters.
         let mut at = 4;
         while let (Some(step), Some(length)) = (word(at), word(at + 12)) {
             if matches!(step, MAP_TABLE | MAP_POLYNOMIAL) {
@@ -303,7 +306,7 @@ fn unlike_the_sensor(tags: &IFD) -> Decoded<()> {
     Ok(())
 }
 
-/// An area of the sensor, or all of it; it must lie within.
+/// Area of the sensor (default all), which must be within it.
 fn area(rect: Option<Rect>, size: [usize; 2]) -> Decoded<Area> {
     let [width, height] = size;
     let rect = rect.unwrap_or_else(|| Rect::new(Point::zero(), Dim2::new(width, height)));
@@ -314,7 +317,7 @@ fn area(rect: Option<Rect>, size: [usize; 2]) -> Decoded<Area> {
     Ok(Area { left: rect.p.x, top: rect.p.y, width: rect.d.w, height: rect.d.h })
 }
 
-/// The cell of a camera's mosaic at the origin of an area.
+/// Cell of a camera's mosaic at the origin of an area.
 fn mosaic(filters: &CFA, area: Area) -> Decoded<Cell> {
     match (filters.width, filters.height) {
         (2, 2) => cell(|y, x| filters.color_at(area.top + y, area.left + x)),
@@ -323,7 +326,7 @@ fn mosaic(filters: &CFA, area: Area) -> Decoded<Cell> {
     }
 }
 
-/// The decoder's error in words; those of cameras and variants that it does not know are told apart from damage.
+/// Message of a decoder's error; unknown cameras and variants are distinguished from damage.
 fn fault(kind: Kind, error: RawlerError) -> Fault {
     match error {
         RawlerError::Unsupported { make, model, mode, .. } => {

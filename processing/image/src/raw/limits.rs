@@ -1,4 +1,5 @@
-//! Sizes that a raw file claims, checked before its decoder, which trusts them, is given the file: a failed allocation would end the program.
+//! Check of the sizes in a raw file before decoding. The decoder trusts them, and a failed allocation would end the
+//! program.
 
 use std::io::{Read, Seek, SeekFrom};
 
@@ -13,15 +14,15 @@ use super::tags::{
     Tags, WIDTH,
 };
 
-/// Most bytes of a raw file; it is read whole (the largest cameras write 300 MiB).
+/// Largest raw file in bytes; it is read whole (the largest cameras write 300 MiB).
 pub(super) const MAX_FILE: u64 = 1 << 30;
-/// Most samples of a mosaic: four for each pixel of the picture.
+/// Largest number of samples of a mosaic: four per pixel of the picture.
 pub(super) const MAX_SAMPLES: u64 = 4 * MAX_PIXELS as u64;
-/// Bytes that a tag may claim whatever the size of the file is. Makers' notes have tags that claim more than there is.
+/// Bytes that a tag may claim regardless of the file's size. Maker notes contain tags that claim more than exists.
 pub(super) const HARMLESS: u64 = 64 << 20;
-/// Most strips or tiles that are looked at.
+/// Largest number of strips or tiles that are checked.
 const MOST_PIECES: u32 = 65_536;
-/// Width and height in directories of all, of Fujifilm and of Panasonic.
+/// Tags of width and height: standard, Fujifilm, Panasonic.
 pub(super) const SIDES: [[u16; 2]; 2] = [[WIDTH, HEIGHT], [0xf001, 0xf002]];
 const PANASONIC_SIDES: [[u16; 2]; 2] = [[WIDTH, HEIGHT], [2, 3]];
 
@@ -45,7 +46,7 @@ pub(super) fn check(source: &mut Source, kind: Kind) -> Decoded<()> {
     Ok(())
 }
 
-/// All directories below a TIFF header.
+/// Checks all directories of a TIFF header.
 pub(super) fn tiff(source: &mut Source, base: u64, length: u64, sides: [[u16; 2]; 2]) -> Decoded<()> {
     let mut tags = Tags::read(source, base, true);
     if tags.endless {
@@ -74,12 +75,12 @@ pub(super) fn tiff(source: &mut Source, base: u64, length: u64, sides: [[u16; 2]
     Ok(())
 }
 
-/// The pixels, which must end before the file does: decoders fill up what is missing.
+/// Checks that the pixels end before the file does; decoders would fill missing ones.
 fn within(tags: &mut Tags<'_>, [offsets, counts]: [Entry; 2], base: u64, length: u64) -> Decoded<()> {
     for index in 0..offsets.count.min(MOST_PIECES) {
         let (Some(start), Some(count)) = (tags.number(offsets, index), tags.number(counts, index)) else { continue };
         let end = base + u64::from(start) + u64::from(count);
-        // The largest offset stands for none.
+        // The largest offset means none.
         if start != u32::MAX && end > length {
             return Err(Fault::damaged(format!("the pixels end at byte {end}, the file at {length}")));
         }
@@ -87,7 +88,7 @@ fn within(tags: &mut Tags<'_>, [offsets, counts]: [Entry; 2], base: u64, length:
     Ok(())
 }
 
-/// The headers of lossless JPEG data, whose sizes their decoder takes.
+/// Checks the headers of lossless JPEG data, whose sizes the decoder trusts.
 fn lossless_jpegs(tags: &mut Tags<'_>, offsets: Entry) -> Decoded<()> {
     for index in 0..offsets.count.min(MOST_PIECES) {
         let Some(start) = tags.number(offsets, index).map(u64::from) else { continue };
@@ -111,7 +112,7 @@ fn lossless_jpegs(tags: &mut Tags<'_>, offsets: Entry) -> Decoded<()> {
     Ok(())
 }
 
-/// The Exif tags of the embedded JPEG, the directory of the mosaic, and the sizes in the maker's own table.
+/// Checks the Exif tags of the embedded JPEG, the directory of the mosaic, and the sizes in Fujifilm's table.
 fn fujifilm(source: &mut Source, length: u64) -> Decoded<()> {
     let mut header = [0; 28];
     source.seek(SeekFrom::Start(84))?;

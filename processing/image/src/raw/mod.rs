@@ -1,5 +1,5 @@
-//! Camera raw files: the linear values of the sensor at half size. Each cell of 2 × 2 colour filters (Bayer) becomes one pixel: red, mean of the
-//! two greens, blue. Neither white balance nor a colour matrix is applied; black is not subtracted.
+//! Camera raw files: linear sensor values at half size. Each cell of 2 × 2 colour filters (Bayer) becomes one pixel:
+//! red, mean of both greens, blue. White balance and colour matrix are not applied, and black is not subtracted.
 //!
 //! Decoding needs the feature `raw` (the crate rawler). Without it these files are recognised and refused by name.
 
@@ -26,7 +26,7 @@ pub use contained::Decoding;
 #[cfg(feature = "raw")]
 pub(super) use contained::{exposure, info, levels, read};
 
-/// How a photograph was taken; none where its tags do not say it.
+/// Exposure settings; `None` without the tag.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Taken {
     /// Exposure time in s.
@@ -55,10 +55,10 @@ mod absent {
     use crate::raster::{Info, Raster};
     use crate::source::Source;
 
-    /// The command makes a linear picture of half the size without white balance, as reading it would.
+    /// Remedy; the command makes the same picture as this module: linear, half the size, without white balance.
     const REMEDY: &str = "convert it with `dcraw -4 -h -o 0 -r 1 1 1 1 -T FILE` to a linear 16-bit TIFF of half the size, or use a build with `--features raw`";
 
-    /// A camera raw file to be decoded by another process, which this build does not do.
+    /// Request to decode a camera raw file in another process; not supported by this build.
     #[derive(Debug, Deserialize)]
     pub struct Decoding {}
 
@@ -66,7 +66,7 @@ mod absent {
         /// Decodes the file in this process.
         ///
         /// # Errors
-        /// `Input`: this build does not decode any.
+        /// Always `Input`, because this build does not decode raw files.
         pub fn perform(&self) -> Result<Part> {
             Err(Error::input("camera raw files", "are not read by this build of nacre", REMEDY))
         }

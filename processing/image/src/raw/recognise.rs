@@ -1,5 +1,5 @@
-//! Camera raw files among others, told by their content. Many of them are TIFF files; a TIFF that a camera or its program wrote of a finished
-//! picture is none.
+//! Recognition of camera raw files by their content. Many of them are TIFF files; a TIFF of a finished picture, written
+//! by a camera or its program, does not count.
 
 use std::io::{Seek, SeekFrom};
 
@@ -8,38 +8,38 @@ use crate::source::Source;
 
 use super::tags::{DNG_VERSION, MAKE, MOSAIC, PHOTOMETRIC, Tags};
 
-/// A format of camera raw files.
+/// Format of camera raw files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Kind {
-    /// As in "Canon CR2".
+    /// Name, such as "Canon CR2".
     pub(super) name: &'static str,
-    /// How its directories of tags are found.
+    /// Layout of its directories of tags.
     pub(super) layout: Layout,
 }
 
-/// The format of Panasonic and of some Leica cameras.
+/// Name of the format of Panasonic and some Leica cameras.
 pub(super) const PANASONIC: &str = "Panasonic RW2";
 
 /// Formats of medium-format backs, whose decoder trusts their tables.
 const PHASE_ONE: &str = "Phase One IIQ";
 const LEAF: &str = "Leaf MOS";
 
-/// How the directories of tags of a raw file are found.
+/// Layout of the directories of tags of a raw file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Layout {
-    /// A TIFF of the digital negative standard.
+    /// TIFF of the DNG standard.
     Dng,
-    /// A TIFF header, possibly with another number than 42.
+    /// TIFF header, possibly with another number than 42.
     Tiff,
-    /// Boxes, as of MP4.
+    /// Boxes as in MP4.
     Boxes,
-    /// Fujifilm's header, with the offsets of a JPEG and of a TIFF.
+    /// Fujifilm's header, with the offsets of a JPEG and a TIFF.
     Fujifilm,
-    /// Another, which is not read.
+    /// Any other layout, which is not read.
     Other,
 }
 
-/// The raw format of a file by its first bytes, without its tags.
+/// Raw format of a file by its first bytes.
 pub(crate) fn by_magic(head: &[u8]) -> Option<Kind> {
     let kind = |name, layout| Some(Kind { name, layout });
     match head {
@@ -57,7 +57,7 @@ pub(crate) fn by_magic(head: &[u8]) -> Option<Kind> {
     }
 }
 
-/// The raw format of a TIFF file by its tags: a version of DNG, or a mosaic of colour filters.
+/// Raw format of a TIFF file by its tags: a DNG version, or a mosaic of colour filters.
 pub(crate) fn by_tags(source: &mut Source) -> Decoded<Option<Kind>> {
     let mut tags = Tags::read(source, 0, false);
     let all = 0..tags.directories.len();
@@ -75,13 +75,13 @@ pub(crate) fn by_tags(source: &mut Source) -> Decoded<Option<Kind>> {
     Ok(kind)
 }
 
-/// Whether a TIFF is of a back whose mosaic is outside of its directories.
+/// Whether a TIFF comes from a camera back and has its mosaic outside of its directories.
 fn back(tags: &mut Tags<'_>, make: &str) -> bool {
     matches!(tags.bytes_at(8), Some([b'I', b'I', b'I', b'I'] | [b'M', b'M', b'M', b'M']))
         && [LEAF, PHASE_ONE].contains(&by_make(make))
 }
 
-/// The name of a maker's format of mosaics in TIFF files.
+/// Name of a maker's format with mosaics in TIFF files.
 fn by_make(make: &str) -> &'static str {
     let make = make.to_lowercase();
     const NAMES: &[(&str, &str)] = &[

@@ -1,15 +1,15 @@
-//! Directories of tags of a TIFF file, of which most camera raw files are made: as much as recognising and checking them needs.
+//! Directories of tags in TIFF files, the basis of most camera raw formats, as far as recognition and checks need them.
 
 use std::io::{Read, Seek, SeekFrom};
 
 use crate::source::Source;
 
-/// Most directories of a file, and most tags of each, that are looked at.
+/// Largest number of directories of a file, and of tags of each, that are read.
 const DIRECTORIES: usize = 256;
 const TAGS: u16 = 4096;
-/// Most tags of all directories together.
+/// Largest number of tags of all directories.
 const ALL_TAGS: usize = 16_384;
-/// Most directories that one tag may name.
+/// Largest number of directories that one tag may refer to.
 const MOST_REFERENCES: u32 = 65_536;
 
 pub(super) const WIDTH: u16 = 256;
@@ -33,10 +33,10 @@ const GPS: u16 = 34_853;
 const MAKER_NOTE: u16 = 37_500;
 pub(super) const DNG_VERSION: u16 = 50_706;
 
-/// Photometric interpretation of a mosaic of colour filters.
+/// Photometric interpretation of a mosaic of colour filters (CFA).
 pub(super) const MOSAIC: u32 = 32_803;
 
-/// One tag: its number, its type, how many values it has, and the offset of the first in the file.
+/// Tag: its number, its type, its number of values, and the offset of the first value in the file.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Entry {
     pub(super) tag: u16,
@@ -45,16 +45,16 @@ pub(super) struct Entry {
     at: u64,
 }
 
-/// The tags of a file, directory by directory: the chain of directories and those that they refer to.
+/// Tags of a file by directory: the chain of directories and those that they refer to.
 pub(super) struct Tags<'a> {
     source: &'a mut Source,
-    /// Where the TIFF header is within the file; all offsets are relative to it.
+    /// Offset of the TIFF header in the file; all other offsets are relative to it.
     base: u64,
     little: bool,
     pub(super) directories: Vec<Vec<Entry>>,
-    /// Directories within makers' notes.
+    /// Directories within maker notes.
     pub(super) makers: Vec<Vec<Entry>>,
-    /// Whether the chain of directories is a loop, or there are more than are read.
+    /// Whether the chain of directories is a loop, or exceeds the limit.
     pub(super) endless: bool,
 }
 
@@ -76,7 +76,7 @@ impl Entry {
 }
 
 impl<'a> Tags<'a> {
-    /// Reads the tags below a TIFF header at the offset `base`. A file that ends too early has those that were read until then.
+    /// Reads the tags of the TIFF header at the offset `base`. Of a truncated file, the tags before its end are read.
     pub(super) fn read(source: &'a mut Source, base: u64, makers: bool) -> Self {
         let mut tags = Self { source, base, little: true, directories: vec![], makers: vec![], endless: false };
         tags.little = tags.bytes_at(0) == Some(*b"II");
@@ -111,7 +111,8 @@ impl<'a> Tags<'a> {
         tags
     }
 
-    /// Adds the offsets of directories that these entries refer to: values of four bytes, or the place of values of other types.
+    /// Adds the offsets of directories to which these entries refer: values of four bytes, or the position of values of
+    /// other types.
     fn references(&mut self, entries: &[Entry], below: &mut Vec<u64>) {
         const REFERENCES: [u16; 6] = [SUB_DIRECTORIES, EXIF, GPS, COLOR_PROFILE, KODAK, FUJIFILM];
         for entry in entries.iter().filter(|e| REFERENCES.contains(&e.tag)) {
@@ -121,14 +122,14 @@ impl<'a> Tags<'a> {
                 7 => below.push(entry.at),
                 _ => {}
             }
-            // The decoder takes the first byte of values of types that it does not know.
+            // The decoder takes the first byte of values of unknown types.
             if !(1..=12).contains(&entry.kind) {
                 below.extend(self.bytes_at::<1>(entry.at).map(|[at]| u64::from(at)));
             }
         }
     }
 
-    /// The entries at an offset, and the offset of the next directory of the chain.
+    /// Entries at an offset, and the offset of the next directory of the chain.
     fn directory(&mut self, at: u64) -> Option<(Vec<Entry>, u32)> {
         let count = self.half(at)?.min(TAGS);
         let entries = (0..count).map_while(|i| self.entry(at + 2 + 12 * u64::from(i))).collect();
@@ -143,15 +144,15 @@ impl<'a> Tags<'a> {
         Some(entry)
     }
 
-    /// The maker's own directory within its note, and those below it.
+    /// Reads the directory within a maker note, and those below it.
     fn maker_note(&mut self, note: Entry) {
         let little = self.little;
         let name: [u8; 12] = self.bytes_at(note.at).unwrap_or_default();
         if name.starts_with(b"IIII") || name.starts_with(b"MMMM") {
-            // Phase One has no directory of this kind.
+            // Phase One has no such directory.
             return;
         }
-        // Where the directory begins depends on the maker; some say the byte order before it.
+        // The start of the directory depends on the maker; some state the byte order before it.
         let mut skip = match &name {
             _ if name.starts_with(b"Nikon\0\x02") => 18,
             _ if name.starts_with(b"PENTAX") => 10,
@@ -171,7 +172,7 @@ impl<'a> Tags<'a> {
         }
         if let Some((entries, _)) = self.directory(note.at + skip) {
             for entry in entries.iter().filter(|e| name.starts_with(b"OLYMPUS") && (0x2010..=0x5000).contains(&e.tag)) {
-                // Of some types the entry is the directory, of others its offset.
+                // Depending on its type, the entry is the directory or holds its offset.
                 let below = if entry.kind == 7 { Some(entry.at) } else { self.number(*entry, 0).map(u64::from) };
                 let below = below.and_then(|at| self.directory(note.at.checked_add(at)?));
                 self.makers.extend(below.map(|(entries, _)| entries));
@@ -181,18 +182,18 @@ impl<'a> Tags<'a> {
         self.little = little;
     }
 
-    /// The entry of a tag in a directory.
+    /// Entry of a tag in a directory.
     pub(super) fn find(&self, directory: usize, tag: u16) -> Option<Entry> {
         self.directories.get(directory)?.iter().find(|e| e.tag == tag).copied()
     }
 
-    /// The first value of a tag in a directory.
+    /// First value of a tag in a directory.
     pub(super) fn first(&mut self, directory: usize, tag: u16) -> Option<u32> {
         let entry = self.find(directory, tag)?;
         self.number(entry, 0)
     }
 
-    /// A value of a tag of unsigned integers.
+    /// Value of a tag of unsigned integers, by index.
     pub(super) fn number(&mut self, entry: Entry, index: u32) -> Option<u32> {
         let at = entry.at + u64::from(index) * entry.size();
         match entry.kind {
@@ -204,7 +205,7 @@ impl<'a> Tags<'a> {
         }
     }
 
-    /// The text of a tag, at most 64 bytes of it.
+    /// Text of a tag, at most 64 bytes.
     pub(super) fn text(&mut self, directory: usize, tag: u16) -> Option<String> {
         let entry = self.find(directory, tag).filter(|e| e.kind == 2)?;
         self.source.seek(SeekFrom::Start(self.base.checked_add(entry.at)?)).ok()?;
@@ -224,10 +225,10 @@ impl<'a> Tags<'a> {
         Some(if self.little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
     }
 
-    /// Bytes at an offset; none where the file ends before.
+    /// Bytes at an offset; `None` beyond the end of the file.
     pub(super) fn bytes_at<const N: usize>(&mut self, at: u64) -> Option<[u8; N]> {
         let mut bytes = [0; N];
-        // What is near comes from the buffer.
+        // A relative seek keeps the buffer if the position is within it.
         let there = i64::try_from(self.base.checked_add(at)?).ok()?;
         let here = i64::try_from(self.source.stream_position().ok()?).ok()?;
         self.source.seek_relative(there.checked_sub(here)?).ok()?;

@@ -1,54 +1,53 @@
-//! What is done about shifts.
+//! Correction of shifts between photographs.
 
 use super::Registration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Root mean square shift in pixels from which moving photographs back gains more at edges than resampling them costs, and
-/// how many standard deviations it must have.
+/// Root mean square shift in pixels above which resampling gains more at edges than it costs, and its minimum in
+/// standard deviations.
 const WORTH_PX: f64 = 0.05;
 const WORTH_SIGMA: f64 = 3.0;
 
-/// Whether photographs that are shifted against each other are moved back.
+/// Correction of shifts between photographs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Align {
-    /// Where the shifts are worth it.
+    /// Resample the photographs if the shifts are significant.
     #[default]
     Auto,
-    /// Never; the shifts are told all the same.
+    /// Never resample; shifts are reported only.
     Off,
 }
 
-/// How far the photographs are shifted against each other.
+/// Shifts between photographs.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Alignment {
-    /// Where each photograph's content lies against the mean of all, in pixels right and down; empty when it cannot be told.
+    /// Shift of each photograph against the mean of all, in pixels right and down; empty if unknown.
     pub shifts_px: Vec<[f64; 2]>,
-    /// Largest standard deviation of a shift.
+    /// Largest standard deviation of a shift, in pixels.
     pub sigma_px: Option<f64>,
-    /// The photographs were moved back: the shifts are worth it.
+    /// Whether the photographs were resampled to correct the shifts.
     pub corrected: bool,
-    /// Why shifts cannot be told.
+    /// Reason for which the shifts are unknown.
     pub doubt: Option<String>,
 }
 
 impl Alignment {
-    /// Root mean square shift in pixels at which photographs are left, beyond what noise has of it; 0 where they were moved back, or nothing is
-    /// known.
+    /// Root mean square of the uncorrected shifts in pixels, less the contribution of noise; 0 if corrected or unknown.
     pub fn left_px(&self) -> f64 {
         let sigma = self.sigma_px.unwrap_or(0.0);
         let square = mean_square(&self.shifts_px) - 2.0 * sigma * sigma;
         if self.corrected { 0.0 } else { square.max(0.0).sqrt() }
     }
 
-    /// Whether photographs are left that should be moved back.
+    /// Whether significant shifts are uncorrected.
     pub fn is_left(&self) -> bool {
         let left = self.left_px();
         left > WORTH_PX && left > WORTH_SIGMA * self.sigma_px.unwrap_or(0.0)
     }
 
-    /// What to say where photographs are left that should be moved back.
+    /// Warning about significant uncorrected shifts.
     pub fn warning(&self) -> Option<String> {
         self.is_left().then(|| {
             let left = self.left_px();
@@ -90,7 +89,7 @@ impl From<Registration> for Alignment {
 mod tests {
     use super::*;
 
-    /// Shifts that are left are told, less what noise has of them; those that were undone, or are not worth it, are not.
+    /// Uncorrected shifts count, less their noise; corrected or insignificant ones do not.
     #[test]
     fn what_is_left_is_told() {
         let apart = |shift: f64, corrected| Alignment {

@@ -1,8 +1,8 @@
-//! Shifts to about half a pixel, up to 32 pixels, by correlation of the edges' directions.
+//! Shifts of up to 32 pixels, to about half a pixel, by correlation of edge directions.
 //!
-//! Turning the analyser changes each region's brightness in its own way, so that an edge may fade or reverse, but its
-//! direction stays. With the gradient g as a complex number, g²/|g| is the same for both signs of the contrast, is zero on
-//! average, and its correlation over frames has one sharp peak, where that of the brightness may have none.
+//! Rotating the analyser changes each region's brightness differently, so an edge may fade or reverse, but its
+//! direction stays. For the gradient g as a complex number, g²/|g| is independent of the sign of the contrast and has
+//! zero mean. Its correlation between frames has one sharp peak, where that of the brightness may have none.
 
 use super::windows::Windows;
 use nacre_base::vectors::vectorised;
@@ -10,29 +10,29 @@ use nacre_fourier::Fourier;
 use num_complex::Complex;
 use rayon::prelude::*;
 
-/// Largest shift that is looked for, in pixels; a quarter of the window where that is less.
+/// Largest shift in pixels; a quarter of the window if that is less.
 const REACH: usize = 32;
 
-/// Two Hann windows overlap best near no shift, where random correlations are larger than on average by this factor:
-/// `∫h⁴ / (∫h²)²` of both sides, as a standard deviation.
+/// Factor by which random correlations of two Hann windows near zero shift exceed their average: `∫h⁴ / (∫h²)²` for
+/// both sides, as a standard deviation.
 const UNDER_HANN: f64 = 35.0 / 18.0;
 
 type Image = Vec<Complex<f32>>;
 
-/// Highest point of a correlation.
+/// Maximum of a correlation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peak {
     /// Shift against the first frame in pixels, x right, y down.
     pub(super) shift: [f64; 2],
-    /// Height in standard deviations of what frames with nothing in common have; the highest of 65² points is then at 4.
+    /// Height in standard deviations of the correlation of unrelated frames, whose maximum over 65² points is at 4.
     pub(super) height: f64,
 }
 
-/// Windows that are enough where peaks are high: those of a diagonal.
+/// Number of windows that suffices for high peaks: those of a diagonal.
 const ENOUGH: usize = 4;
 
-/// One peak per frame; the first is at (0, 0). Not all windows are looked at where a few tell peaks of `height` (in standard
-/// deviations) at least.
+/// Correlation peak of each frame; the first is at (0, 0). Fewer windows are used if they give peaks of at least
+/// `height` (in standard deviations).
 pub(super) fn peaks(windows: &Windows, height: f64) -> Vec<Peak> {
     if windows.count() > ENOUGH {
         let found = peaks_of(windows, &(0..windows.count()).step_by(ENOUGH + 1).collect::<Vec<_>>());
@@ -64,19 +64,20 @@ fn peaks_of(windows: &Windows, few: &[usize]) -> Vec<Peak> {
                     },
                 );
             }
-            // Half-way to pure phase: the peak is as sharp as the edges are, and noise is not made as strong as they.
+            // Halfway to phase correlation, amplitudes become their square roots: the peak is as sharp as the edges,
+            // and noise is not amplified to their level.
             vectorised(
                 #[inline(always)]
                 || {
                     for c in &mut cross {
-                        // In double precision, in which squares of bright spectra are still numbers.
+                        // Double precision, because squares of bright spectra overflow in single precision.
                         let [re, im] = [f64::from(c.re), f64::from(c.im)];
                         let share = 1.0 / ((re * re + im * im).sqrt().sqrt() as f32).max(f32::MIN_POSITIVE);
                         (c.re, c.im) = (c.re * share, c.im * share);
                     }
                 },
             );
-            // Of frames that have nothing in common, phases are random.
+            // Unrelated frames have random phases.
             let power = cross.iter().map(|c| 0.5 * f64::from(c.norm_sqr())).sum::<f64>();
             let deviation = UNDER_HANN * power.sqrt();
             peak(&fourier.inverse(cross), windows.side, deviation)
@@ -84,7 +85,7 @@ fn peaks_of(windows: &Windows, few: &[usize]) -> Vec<Peak> {
         .collect()
 }
 
-/// Directions of the edges under a Hann window.
+/// Edge directions g²/|g| under a Hann window.
 fn edges(window: &[f32], side: usize) -> Image {
     let hann: Vec<f32> =
         (0..side).map(|i| (std::f32::consts::PI * (i as f32 + 0.5) / side as f32).sin().powi(2)).collect();
@@ -101,7 +102,7 @@ fn edges(window: &[f32], side: usize) -> Image {
                     let strength = g.norm_sqr().sqrt();
                     let weight = if strength > 0.0 { hann[x + 1] * hann[y] / strength } else { 0.0 };
                     let squared = g * g * weight;
-                    // Nothing where a pixel cannot be used.
+                    // Zero at unusable pixels.
                     out[x] = if strength > 0.0 { squared } else { Complex::default() };
                 }
             }

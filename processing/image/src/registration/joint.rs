@@ -1,4 +1,4 @@
-//! All shifts at once, to a few thousandths of a pixel: those with which the scene's model explains the frames best.
+//! Joint fit of all shifts, to a few thousandths of a pixel: minimises the residual of the scene's model.
 
 use super::scene::Scene;
 use super::sums::Sums;
@@ -7,48 +7,50 @@ use super::windows::Windows;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Fewest pixels along a tile's side.
+/// Smallest side of a tile in pixels.
 const SMALLEST_TILE: usize = 6;
 
-/// Side of a tile in pixels, about. Each tile is one witness: their scatter gives σ.
+/// Approximate side of a tile in pixels. The scatter between tiles gives σ.
 const TILE: usize = 48;
 
-/// Pixels from a tile to the window's rim: smoothing, kernel, gradient, and what the shifts may still change.
+/// Margin in pixels between a tile and the border of its window: smoothing, kernel, gradient, and changes of the
+/// shifts.
 const RIM: usize = 9;
 
-/// Tiles to begin with, those of most texture; four times as many while σ is larger than wanted.
+/// Initial number of tiles, those of most texture. It is quadrupled until σ is small enough.
 const FIRST_TILES: usize = 48;
 
-/// Frames that tiles are chosen by, about.
+/// Approximate number of frames by which tiles are chosen.
 const LOOKED_AT: usize = 4;
 
-/// σ in pixels at which no more tiles are taken: what is left is then the kernel's error, not noise.
+/// σ in pixels at which no more tiles are added: the kernel's error then dominates the noise.
 const ENOUGH: f64 = 0.01;
 
-/// Shifts may end this far from where they started, in pixels.
+/// Largest change of a shift from its starting value, in pixels.
 const PULL: f64 = 2.0;
 
-/// Fewest tiles whose scatter says something.
+/// Smallest number of tiles for an estimate of the scatter.
 const FEWEST: usize = 4;
 
-/// A minimum of what is left over.
+/// Minimum of the residual.
 pub(super) struct Minimum {
-    /// Shifts with mean zero.
+    /// Shifts with zero mean.
     pub(super) shifts: Vec<[f64; 2]>,
-    /// Mean square of what is left over.
+    /// Mean square residual.
     left: f64,
     scene: Scene,
 }
 
 impl Minimum {
-    /// Whether it is where peaks of correlations are, which are good to half a pixel.
+    /// Whether the shifts agree with the peaks of correlations, which are accurate to half a pixel.
     pub(super) fn is_at(&self, peaks: &[[f64; 2]]) -> bool {
         let apart = self.shifts.as_flattened().iter().zip(peaks.as_flattened()).map(|(a, b)| (a - b).abs());
         apart.fold(0.0, f64::max) < 0.5
     }
 }
 
-/// The minimum next to no shifts at all: first at a quarter of the size, where edges are seen from four times as far.
+/// Minimum next to zero shifts, found at a quarter of the size first, where the range of convergence is four times as
+/// large.
 pub(super) fn from_nothing(windows: &Windows, scene: &Scene) -> Option<Minimum> {
     let mut levels: Vec<Windows> = windows.halved().into_iter().collect();
     levels.extend(levels.first().and_then(Windows::halved));
@@ -63,7 +65,7 @@ pub(super) fn from_nothing(windows: &Windows, scene: &Scene) -> Option<Minimum> 
     minimum(windows, &shifts, scene)
 }
 
-/// The minimum next to these shifts.
+/// Minimum next to these shifts.
 pub(super) fn minimum(windows: &Windows, start: &[[f64; 2]], scene: &Scene) -> Option<Minimum> {
     let mut shifts = centred(start.to_vec());
     let tiles = tiles(windows, &shifts);
@@ -76,7 +78,7 @@ pub(super) fn minimum(windows: &Windows, start: &[[f64; 2]], scene: &Scene) -> O
     (all.pixels > 0).then(|| Minimum { shifts, left: all.square / all.pixels as f64, scene })
 }
 
-/// The better of two minima.
+/// Minimum with the smaller residual.
 pub(super) fn better(a: Option<Minimum>, b: Option<Minimum>) -> Option<Minimum> {
     match (a, b) {
         (Some(a), Some(b)) => Some(if b.left < a.left { b } else { a }),
@@ -84,8 +86,8 @@ pub(super) fn better(a: Option<Minimum>, b: Option<Minimum>) -> Option<Minimum> 
     }
 }
 
-/// Shifts with mean zero, and σ of each (the larger of both directions), from as many tiles as it takes; None when
-/// tiles do not agree on a minimum.
+/// Shifts with zero mean, and σ of each (the larger of both directions), from as many tiles as needed; `None` if tiles
+/// do not agree on a minimum.
 pub(super) fn refine(windows: &Windows, from: Minimum) -> Option<Vec<([f64; 2], f64)>> {
     let Minimum { mut shifts, mut scene, .. } = from;
     let tiles = tiles(windows, &shifts);
@@ -102,7 +104,7 @@ pub(super) fn refine(windows: &Windows, from: Minimum) -> Option<Vec<([f64; 2], 
     }
 }
 
-/// Gauss-Newton until no shift changes by 0.001 px; the sums of each tile at the end.
+/// Gauss-Newton iterations until all shifts change by less than 0.001 px; returns the final sums of each tile.
 fn settle(windows: &Windows, tiles: &[Tile], scene: &mut Scene, shifts: &mut Vec<[f64; 2]>) -> Option<Vec<Sums>> {
     const STEPS: usize = 20;
     let start = shifts.clone();
@@ -118,7 +120,7 @@ fn settle(windows: &Windows, tiles: &[Tile], scene: &mut Scene, shifts: &mut Vec
         if largest < 1e-3 {
             return Some(sums);
         }
-        // Beyond a pixel the gradients say nothing.
+        // Steps are limited to a pixel, beyond which gradients are meaningless.
         let scale = largest.recip().min(1.0);
         for (k, shift) in shifts.iter_mut().enumerate() {
             shift[0] -= scale * step[2 * k];
@@ -134,8 +136,8 @@ fn settle(windows: &Windows, tiles: &[Tile], scene: &mut Scene, shifts: &mut Vec
     None
 }
 
-/// Standard deviations of the shifts from the scatter of the tiles' evidence (Huber 1967), which holds whatever keeps a
-/// tile from following the model, not only noise. None when the texture is within the noise.
+/// Standard deviations of the shifts by the sandwich estimator over tiles (Huber 1967), which covers any deviation of a
+/// tile from the model, not only noise. `None` if the texture is within the noise.
 fn deviations(sums: &[Sums], scene: &Scene) -> Option<Vec<f64>> {
     let n = scene.rows.len();
     let all = total(sums, n);
@@ -156,7 +158,7 @@ fn total(sums: &[Sums], frames: usize) -> Sums {
     })
 }
 
-/// A shift of all frames together changes nothing; this keeps it at zero.
+/// Fixes the gauge: a common shift of all frames changes nothing, so it is kept at zero.
 fn gauged(mut curvature: DMatrix<f64>) -> DMatrix<f64> {
     let size = curvature.nrows();
     let weight = curvature.trace() / size.max(1) as f64;
@@ -179,7 +181,7 @@ pub(super) fn centred(mut shifts: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
 fn tiles(windows: &Windows, shifts: &[[f64; 2]]) -> Vec<Tile> {
     let rim = RIM + shifts.as_flattened().iter().fold(0.0_f64, |a, s| a.max(s.abs())).ceil() as usize;
     let inside = windows.side.saturating_sub(2 * rim);
-    // At least three along each side, so that a small window has several witnesses too.
+    // At least three along each side, so that small windows have several tiles too.
     let along = (inside / TILE).max(3);
     let side = inside / along;
     if side < SMALLEST_TILE {
@@ -191,7 +193,7 @@ fn tiles(windows: &Windows, shifts: &[[f64; 2]]) -> Vec<Tile> {
     };
     let all: Vec<Tile> = (0..windows.count()).flat_map(places).collect();
     let textured = all.into_par_iter().map(|tile| {
-        // A few frames show where edges are.
+        // A few frames suffice to locate edges.
         let step = windows.frames().div_ceil(LOOKED_AT).max(1);
         let texture: f64 = (0..windows.frames()).step_by(step).map(|k| tile.texture(windows, k)).sum();
         (texture, tile)

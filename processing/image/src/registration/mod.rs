@@ -1,10 +1,10 @@
-//! How far photographs of one scene are shifted against each other, to a few hundredths of a pixel.
+//! Registration of photographs of one scene, to a few hundredths of a pixel.
 //!
-//! An analyser whose faces are not parallel shifts the image as it turns, by up to pixels, and orientations near edges
-//! are then wrong. What makes registering polarization frames hard is that turning the analyser also changes every region's
-//! brightness in its own way. So frames are not compared with each other but with Malus' law: those shifts are right with
-//! which `A + C cos 2ψ + S sin 2ψ`, fitted to each pixel, leaves least over. All shifts are found together, since the fit
-//! takes up part of any one of them.
+//! An analyser with non-parallel faces shifts the image as it rotates, by up to several pixels, which causes
+//! orientation errors near edges. Rotation of the analyser also changes every region's brightness differently. Frames
+//! are therefore compared with Malus' law rather than with each other. The estimated shifts minimise the residual of
+//! `A + C cos 2ψ + S sin 2ψ`, fitted to each pixel. All shifts are estimated jointly, because the fit absorbs part of
+//! any single one.
 
 mod alignment;
 mod coarse;
@@ -23,46 +23,46 @@ pub use resample::Resampler;
 use scene::Scene;
 use windows::Windows;
 
-/// Fewest angles at which Malus' law leaves something over to judge shifts by.
+/// Smallest number of angles for which Malus' law has a residual.
 const FEWEST_ANGLES: usize = 4;
 
-/// Height of a correlation's peak in standard deviations, from which it is no noise: 1 of 800 frames of pure noise gets there,
-/// and is then refused for its σ.
+/// Height of a significant correlation peak in standard deviations. One of 800 frames of pure noise reaches it, and is
+/// then refused for its σ.
 const SIGNIFICANT: f64 = 5.0;
 
-/// And from which a few windows have told it.
+/// Height at which a few windows suffice.
 const BEYOND_DOUBT: f64 = 3.0 * SIGNIFICANT;
 
-/// A shift less certain than this, in pixels, is not told.
+/// Largest σ in pixels of a reported shift.
 pub const MAX_SIGMA: f64 = 0.1;
 
-/// Where a frame's content lies, relative to the mean of all frames, in pixels.
+/// Shift of a frame's content against the mean of all frames, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shift {
-    /// To the right.
+    /// Shift to the right.
     pub dx: f64,
-    /// Down.
+    /// Shift down.
     pub dy: f64,
-    /// Standard deviation along the less certain direction, from the scatter over parts of the image.
+    /// Standard deviation along the less certain direction, from the scatter between parts of the image.
     pub sigma: f64,
 }
 
-/// Shifts of a set, or why they cannot be told.
+/// Shifts of a set of frames, or the reason for which they are unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Registration {
     /// One shift per frame; their mean is zero.
     Told(Vec<Shift>),
-    /// Nothing is known; frames are best left where they are.
+    /// The shifts are unknown; frames are best left unchanged.
     CannotTell(Doubt),
 }
 
-/// Why shifts cannot be told.
+/// Reason for which shifts are unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Doubt {
     /// The image is below 32 pixels wide or high, or there is no frame.
     TooSmall,
-    /// These frames (counted from 0) show nothing in common with the first, or too few edges to tell (images below about
-    /// 128 pixels).
+    /// These frames (counted from 0) do not correlate with the first, or have too few edges (images below about 128
+    /// pixels).
     NothingInCommon(Vec<usize>),
     /// There are edges, but the frames do not follow the scene's model under any shifts.
     NoAgreement,
@@ -86,19 +86,21 @@ impl std::fmt::Display for Doubt {
     }
 }
 
-/// Collects what is needed of each frame: at most 16 windows of 256×256 pixels, 4 bytes each.
+/// Collects frames for registration: at most 16 windows of 256×256 pixels per frame, 4 bytes per pixel.
 pub struct Registrar {
     windows: Windows,
 }
 
 impl Registrar {
-    /// For images of `width` × `height` pixels.
+    /// Creates a registrar for images of `width` × `height` pixels.
     pub fn new(width: usize, height: usize) -> Self {
         Self { windows: Windows::new(width, height) }
     }
 
-    /// Takes in the next frame. `row(y, left, values, bad)` fills in linear values of row `y` from column `left` on, as many as
-    /// are asked for, and sets `bad[x] = 1` where one cannot be used; it is called from several threads.
+    /// Adds the next frame.
+    ///
+    /// `row(y, left, values, bad)` fills `values` with linear values of row `y` from column `left` on, and sets
+    /// `bad[x] = 1` for unusable ones. Several threads call it.
     pub fn add(&mut self, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
         self.windows.add(row);
     }
@@ -125,8 +127,8 @@ impl Registrar {
         if !lost.is_empty() {
             return Registration::CannotTell(Doubt::NothingInCommon(lost));
         }
-        // Repeated tiles also match one another, so that the highest peak may be wrong; and the way to a large shift is
-        // barred to those who start from none. Where both ways lead to the same place, it is that.
+        // Repeated tiles also match one another, so the highest peak may be wrong. A fit that starts from zero shifts
+        // may not reach a large shift. If both give the same minimum, it is accepted.
         let start = joint::centred(peaks.iter().map(|p| p.shift).collect());
         let near = joint::from_nothing(&self.windows, &scene);
         let best = match near {

@@ -1,21 +1,21 @@
-//! Moves an image by a fraction of a pixel, row by row.
+//! Sub-pixel translation of an image, row by row.
 
-/// Taps of the kernel along each side.
+/// Number of kernel taps per axis.
 pub(super) const TAPS: usize = 6;
 
-/// Taps before the pixel that a position falls into.
+/// Number of taps before the pixel that contains a position.
 const BEFORE: isize = 2;
 
-/// Weights this small count as none, so that a shift by whole pixels copies and touches no neighbour.
+/// Threshold of negligible weights: shifts by whole pixels copy values and use no neighbours.
 const NOTHING: f64 = 1e-4;
 
-/// Undoes a shift: reads an image at `(x + dx, y + dy)` by the polynomial of fifth degree through six pixels per side
-/// (Lagrange's), which moves edges by exactly as much as asked.
+/// Undoes a shift: interpolates an image at `(x + dx, y + dy)` by Lagrange polynomials of fifth degree through six
+/// pixels per axis. Edges move by exactly the shift.
 ///
-/// On light blurred by σ = 0.58 px the worst case, half a pixel along both sides, errs by 4.6 % RMS of the difference between
-/// the two neighbours at edges (cubic of four taps: 5.0 %; windowed sinc of six: 5.1 %, and it moves edges by up to 0.01 px);
-/// a quarter of a pixel by 2.2 %. Whole pixels are copied. The noise of a resampled frame is smaller by
-/// [`Resampler::noise_factor`], and correlated over neighbours.
+/// The worst case is half a pixel along both axes. For light blurred by σ = 0.58 px, its RMS error is 4.6 % of the
+/// difference between neighbours at edges. A cubic with four taps has 5.0 %. A windowed sinc with six has 5.1 % and
+/// moves edges by up to 0.01 px. For a quarter of a pixel the error is 2.2 %. Whole pixels are copied. The noise of a
+/// resampled frame is reduced by [`Resampler::noise_factor`], and correlated between neighbours.
 #[derive(Clone, Debug)]
 pub struct Resampler {
     whole: [isize; 2],
@@ -25,21 +25,22 @@ pub struct Resampler {
 }
 
 impl Resampler {
-    /// Undoes the shift `(dx, dy)` in pixels (x right, y down) of images of `width` × `height` pixels.
+    /// Prepares to undo the shift `(dx, dy)` in pixels (x right, y down) for images of `width` × `height` pixels.
     pub fn new([dx, dy]: [f64; 2], width: usize, height: usize) -> Self {
         let weights = [dx, dy].map(|d| kernel(d - d.floor()));
         Self { whole: [dx, dy].map(|d| d.floor() as isize), weights, width, height }
     }
 
-    /// What the variance of independent noise per pixel is multiplied by: 1 for whole pixels, 0.50 for half ones along both
-    /// sides. Multiply both numbers of the frame's noise model with it. Neighbours then
-    /// share noise, so averages over pixels gain nothing from it.
+    /// Factor of the variance of independent pixel noise: 1 for whole pixels, 0.50 for half pixels along both axes.
+    ///
+    /// Multiply both coefficients of the frame's noise model by it. Neighbours then share noise, so averages over
+    /// pixels gain nothing.
     pub fn noise_factor(&self) -> f64 {
         self.weights.map(|w| w.iter().map(|w| f64::from(*w).powi(2)).sum::<f64>()).iter().product()
     }
 
-    /// Row `y` of the image moved back. `frame(y, values, bad)` yields a row of the image as it is, as in
-    /// a fit's `add`; `bad[x]` is set to 1 where a value was bad or lies outside.
+    /// Row `y` of the corrected image. `frame(y, values, bad)` provides a row of the original image. `bad[x]` is set to
+    /// 1 where a value was bad or is outside.
     pub fn row(&self, y: usize, frame: impl Fn(usize, &mut [f32], &mut [u8]), values: &mut [f32], bad: &mut [u8]) {
         let (mut line, mut sum) = (vec![0.0_f32; self.width], vec![0.0_f32; self.width]);
         let mut flags = vec![0_u8; self.width];
@@ -55,12 +56,12 @@ impl Resampler {
         self.along(&sum, &flags, values, bad);
     }
 
-    /// The same along a row.
+    /// Interpolates along a row.
     fn along(&self, from: &[f32], flags: &[u8], values: &mut [f32], bad: &mut [u8]) {
         values.fill(0.0);
         for (weight, i) in self.weights[0].into_iter().zip(-BEFORE..).filter(|(weight, _)| *weight != 0.0) {
             let offset = self.whole[0] + i;
-            // Pixels whose tap lies inside.
+            // Range of pixels whose tap is inside.
             let begin = offset.unsigned_abs().min(self.width) * usize::from(offset < 0);
             let end = self.width - offset.unsigned_abs().min(self.width) * usize::from(offset > 0);
             bad[..begin].fill(1);
@@ -81,7 +82,7 @@ fn inside(at: usize, offset: isize, limit: usize) -> Option<usize> {
     at.checked_add_signed(offset).filter(|i| *i < limit)
 }
 
-/// Weights of the taps `-2..=3` for a position that lies `fraction` (0 to 1) beyond tap 0.
+/// Weights of the taps `-2..=3` for a position `fraction` (0 to 1) beyond tap 0.
 pub(super) fn kernel(fraction: f64) -> [f32; TAPS] {
     let x = fraction + BEFORE as f64;
     std::array::from_fn(|i| {

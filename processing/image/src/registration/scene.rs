@@ -1,35 +1,35 @@
-//! What may change in a scene between frames, besides its place.
+//! Models of the changes in a scene between frames, besides shifts.
 
 use super::sums::Sums;
 use nacre_base::vectors::vectorised;
 use nalgebra::{DMatrix, Matrix3, Matrix3xX};
 
-/// Least squares of `A + C cos 2ψ + S sin 2ψ` per pixel, with C and S expected to be near zero as far as they are small
-/// elsewhere.
+/// Least-squares fit of `A + C cos 2ψ + S sin 2ψ` per pixel, with a prior on C and S that follows from their overall
+/// size.
 ///
-/// The expectation matters because a shift of frame k by `a · cos 2ψ` changes a pixel by `a · ∇A · cos 2ψ`, just as some
-/// modulation C would: to first order only ∇C and ∇S can tell them apart. With C and S of variance τ² and noise σ² this is
-/// the best linear prediction of them (Henderson 1975), and weighs both sources of evidence by what they are worth.
+/// A shift of frame k by `a · cos 2ψ` changes a pixel by `a · ∇A · cos 2ψ`, as a modulation C would. To first order,
+/// only ∇C and ∇S distinguish the two, so the prior matters. For C and S of variance τ² and noise σ², this is their
+/// best linear prediction (Henderson 1975).
 #[derive(Clone)]
 pub(super) struct Scene {
-    /// `[1, cos 2ψ, sin 2ψ]` per frame, or `[1, 0, 0]` where nothing changes.
+    /// `[1, cos 2ψ, sin 2ψ]` per frame, or `[1, 0, 0]` for an unchanging scene.
     pub(super) rows: Vec<[f64; 3]>,
-    /// (A, C, S) from the frames' values.
+    /// Matrix from the frames' values to (A, C, S).
     solve: Matrix3xX<f64>,
-    /// What is left over from the frames' values.
+    /// Matrix from the frames' values to the residuals.
     pub(super) left: DMatrix<f64>,
 }
 
-/// Where the ratio σ²/τ² starts: before anything is aligned, little is known.
+/// Initial ratio σ²/τ²: weak prior before the frames are aligned.
 const FIRST_RATIO: f64 = 0.1;
 
 impl Scene {
-    /// A scene that does not change.
+    /// Scene that does not change.
     pub(super) fn still(frames: usize) -> Self {
         Self::with(vec![[1.0, 0.0, 0.0]; frames], FIRST_RATIO)
     }
 
-    /// A scene behind an analyser at these angles (rad).
+    /// Scene behind an analyser at these angles (rad).
     pub(super) fn polarized(angles: &[f64]) -> Self {
         Self::with(angles.iter().map(|psi| [1.0, (2.0 * psi).cos(), (2.0 * psi).sin()]).collect(), FIRST_RATIO)
     }
@@ -44,7 +44,7 @@ impl Scene {
         Self { rows, solve, left }
     }
 
-    /// The same scene with the ratio σ²/τ² that these sums show.
+    /// The same scene with the ratio σ²/τ² estimated from these sums.
     pub(super) fn adapted(&self, sums: &Sums) -> Self {
         let pixels = sums.pixels.max(1) as f64;
         let noise = sums.square / (pixels * self.freedom());
@@ -53,12 +53,12 @@ impl Scene {
         Self::with(self.rows.clone(), ratio.clamp(1e-6, 1e3))
     }
 
-    /// Share of the noise's variance that is left over, summed over frames.
+    /// Residual degrees of freedom: fraction of the noise variance in the residuals, summed over frames.
     pub(super) fn freedom(&self) -> f64 {
         self.left.norm_squared().max(1e-9)
     }
 
-    /// Planes of (A, C, S); the frames become what is left over.
+    /// Fits planes of (A, C, S), and replaces the frames by their residuals.
     pub(super) fn explain(&self, frames: &mut [Vec<f32>]) -> [Vec<f32>; 3] {
         let length = frames.first().map_or(0, Vec::len);
         let mut model = [0, 1, 2].map(|_| vec![0.0_f32; length]);
@@ -85,8 +85,7 @@ impl Scene {
         model
     }
 
-    /// Curvature of half the sum of squares over the shifts, with the part that noise alone would make taken out
-    /// where `honest`.
+    /// Curvature of half the sum of squares with respect to the shifts; with `honest`, less the contribution of noise.
     pub(super) fn curvature(&self, sums: &Sums, honest: bool) -> DMatrix<f64> {
         let n = self.rows.len();
         let mut gradient = sums.gradient;

@@ -3,17 +3,17 @@
 /// Sums over the pixels of tiles.
 #[derive(Clone, Debug)]
 pub(super) struct Sums {
-    /// Derivative of half the sum of squares by the shifts, `[x0, y0, x1, y1, …]`.
+    /// Derivative of half the sum of squares with respect to the shifts, `[x0, y0, x1, y1, …]`.
     pub(super) slope: Vec<f64>,
     /// Moments of the gradients of (A, C, S): 6×6, rows and columns `[A.x, A.y, C.x, C.y, S.x, S.y]`.
     pub(super) gradient: [[f64; 6]; 6],
-    /// Moments of the gradient of what is left over, summed over frames: xx, xy, yy.
+    /// Moments of the gradient of the residuals, summed over frames: xx, xy, yy.
     pub(super) noise: [f64; 3],
-    /// Sum of squares of what is left over.
+    /// Sum of squared residuals.
     pub(super) square: f64,
     /// Sum of C² + S².
     pub(super) modulation: f64,
-    /// Pixels that could be used in all frames.
+    /// Number of pixels that are usable in all frames.
     pub(super) pixels: usize,
 }
 

@@ -1,5 +1,5 @@
-//! One tile of all frames, moved back by assumed shifts: how far the scene's model explains it, and what each shift
-//! would change.
+//! Tile of all frames under assumed shifts: residual of the scene's model, and its derivative with respect to each
+//! shift.
 
 use super::resample::{TAPS, kernel};
 use super::scene::Scene;
@@ -8,20 +8,20 @@ use super::windows::Windows;
 use nacre_base::memory::prefetch;
 use nacre_base::vectors::vectorised;
 
-/// Values that are worked on side by side.
+/// Number of values that are processed side by side.
 const LANES: usize = 8;
 
-/// A square of a window.
+/// Square part of a window.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tile {
     pub(super) window: usize,
-    /// Left and top inside the window.
+    /// Left and top in the window.
     pub(super) corner: [usize; 2],
     pub(super) side: usize,
 }
 
 impl Tile {
-    /// Power of the gradient in one frame.
+    /// Gradient power in one frame.
     pub(super) fn texture(&self, windows: &Windows, frame: usize) -> f64 {
         let (image, side) = (windows.get(frame, self.window), windows.side);
         let power = |y: usize| -> f64 {
@@ -32,7 +32,7 @@ impl Tile {
                 let power = (right[x] - left[x]).powi(2) + (below[x] - above[x]).powi(2);
                 if power.is_finite() { power } else { 0.0 }
             };
-            // Sums side by side, which the compiler makes a vector of.
+            // Parallel sums, which the compiler vectorises.
             let (mut sums, whole) = ([0.0_f32; LANES], self.side / LANES * LANES);
             for x in (0..whole).step_by(LANES) {
                 sums.iter_mut().enumerate().for_each(|(k, sum)| *sum += power(x + k));
@@ -42,7 +42,7 @@ impl Tile {
         (self.corner[1]..self.corner[1] + self.side).map(power).sum()
     }
 
-    /// Sums over this tile with frames moved back by `shifts`.
+    /// Sums over this tile with frames corrected by `shifts`.
     pub(super) fn sums(&self, windows: &Windows, scene: &Scene, shifts: &[[f64; 2]]) -> Sums {
         let back = |(k, shift): (usize, &[f64; 2])| {
             let next = windows.get((k + 1) % shifts.len(), self.window);
@@ -51,14 +51,14 @@ impl Tile {
         let mut frames: Vec<Vec<f32>> = shifts.iter().enumerate().map(back).collect();
         subtract_means(&mut frames);
         let model = scene.explain(&mut frames);
-        // `frames` now holds what is left over.
+        // `frames` now holds the residuals.
         self.moments(scene, &model, &frames)
     }
 
-    /// Sums over the pixels that could be used in all frames, of (A, C, S) and of what is left over.
+    /// Sums of (A, C, S) and of the residuals over the pixels that are usable in all frames.
     fn moments(&self, scene: &Scene, model: &[Vec<f32>; 3], left: &[Vec<f32>]) -> Sums {
         let mut sums = Sums::new(left.len());
-        // Gradients of A, C and S, and 1 for pixels that can be used; all is 0 where one cannot.
+        // Gradients of A, C and S, and 1 for usable pixels; all are 0 at unusable ones.
         let [mut ax, mut ay] = self.gradient(&model[0]);
         let [mut cx, mut cy] = self.gradient(&model[1]);
         let [mut sx, mut sy] = self.gradient(&model[2]);
@@ -105,12 +105,12 @@ impl Tile {
         sums
     }
 
-    /// Pixels along a row that has a rim of one pixel, for gradients, and goes on so far that vectors have no rest.
+    /// Padded row length: a border of one pixel for gradients, rounded up to whole vectors.
     fn wide(&self) -> usize {
         (self.side + 2).next_multiple_of(LANES)
     }
 
-    /// A plane without its rim.
+    /// Plane without its border.
     fn inner(&self, plane: &[f32]) -> Vec<f32> {
         let mut inner = Vec::with_capacity(self.side * self.side);
         for row in plane.chunks(self.wide()).skip(1).take(self.side) {
@@ -119,7 +119,7 @@ impl Tile {
         inner
     }
 
-    /// Gradient of a plane to the right and down, without its rim.
+    /// Gradient of a plane to the right and down, without its border.
     fn gradient(&self, plane: &[f32]) -> [Vec<f32>; 2] {
         let (wide, side) = (self.wide(), self.side);
         let [mut right, mut down] = [0, 1].map(|_| vec![0.0_f32; side * side]);
@@ -140,9 +140,11 @@ impl Tile {
         [right, down]
     }
 
-    /// The tile with a rim of one pixel, and a few pixels more to its right. Those beyond the window would begin in its next row (which is there: the
-    /// caller keeps tiles far enough inside), but are NaN, since the last and the first two pixels of each row are. The same place of
-    /// the `next` frame is fetched meanwhile: rows of a window lie too far apart for the processor to foresee them.
+    /// Tile with a border of one pixel, and a few more pixels to its right.
+    ///
+    /// Pixels beyond the window are read from its next row, which exists because the caller keeps tiles far enough
+    /// inside. They are NaN, as are the last and the first two pixels of each row. The same position in the `next`
+    /// frame is prefetched, because window rows are too far apart for the hardware prefetcher.
     fn moved_back(&self, image: &[f32], next: &[f32], side: usize, shift: [f64; 2]) -> Vec<f32> {
         let wide = self.wide();
         let weights = shift.map(|d| kernel(d - d.floor()));
@@ -168,7 +170,7 @@ impl Tile {
     }
 }
 
-/// Weighted sums of the taps of each pixel: one of a row lies `apart` from the next.
+/// Weighted sums of the taps of each pixel, which are `apart` values from each other.
 #[inline(always)]
 fn weighted(out: &mut [f32], taps: &[f32], apart: usize, weights: &[f32; TAPS]) {
     for (i, out) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
@@ -183,7 +185,7 @@ fn weighted(out: &mut [f32], taps: &[f32], apart: usize, weights: &[f32; TAPS]) 
     }
 }
 
-/// Zero where a pixel cannot be used.
+/// Sets unusable pixels to zero.
 #[inline(always)]
 fn clear_unusable(plane: &mut [f32], usable: &[f32]) {
     for (v, usable) in plane.iter_mut().zip(usable) {
@@ -191,7 +193,7 @@ fn clear_unusable(plane: &mut [f32], usable: &[f32]) {
     }
 }
 
-/// Sum of products, of few at a time in single precision.
+/// Sum of products, in blocks of single precision.
 #[inline(always)]
 fn dot(u: &[f32], v: &[f32]) -> f64 {
     const FEW: usize = 8 * LANES;
@@ -216,7 +218,8 @@ fn dot(u: &[f32], v: &[f32]) -> f64 {
     total
 }
 
-/// Takes each frame's mean over the pixels that all frames have: brightness that drifts says nothing of shifts.
+/// Subtracts each frame's mean over the pixels usable in all frames, as a drift of brightness says nothing about
+/// shifts.
 fn subtract_means(frames: &mut [Vec<f32>]) {
     let Some(first) = frames.first() else { return };
     let (mut sum, ones) = (vec![0.0_f32; first.len()], vec![1.0_f32; first.len()]);
@@ -228,7 +231,7 @@ fn subtract_means(frames: &mut [Vec<f32>]) {
                     *sum += v;
                 }
             }
-            // From here on 1 for pixels that can be used.
+            // From here on 1 for usable pixels.
             for sum in &mut sum {
                 *sum = if sum.is_finite() { 1.0 } else { 0.0 };
             }
@@ -249,7 +252,7 @@ mod tests {
     use super::*;
     use nacre_base::random::Stream;
 
-    /// A sum, and that of its terms' sizes.
+    /// Sum, and sum of the absolute values of its terms.
     #[derive(Clone, Copy, Default)]
     struct Exact(f64, f64);
 
@@ -258,13 +261,14 @@ mod tests {
             (self.0, self.1) = (self.0 + term, self.1 + term.abs());
         }
 
-        /// 16 additions follow each other in single precision, which rounds each by 6e-8 of the sizes at most; gradients and products round, too.
+        /// Tolerance: 16 successive additions in single precision round by at most 6e-8 of the absolute values each,
+        /// and gradients and products round too.
         fn assert_is(self, found: f64) {
             assert!((found - self.0).abs() <= 2e-6 * self.1, "{found} {}", self.0);
         }
     }
 
-    /// Against the definition, pixel by pixel in double precision; a pixel that cannot be used takes its neighbours with it.
+    /// Comparison with the definition, pixel by pixel in double precision; an unusable pixel excludes its neighbours.
     #[test]
     fn moments_are_those_of_the_pixels_that_can_be_used() {
         let tile = Tile { window: 0, corner: [0, 0], side: 13 };

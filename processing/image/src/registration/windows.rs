@@ -1,36 +1,36 @@
-//! The parts of the photographs that are registered: a few windows, spread over the image, where it has most texture.
+//! Windows: the parts of the photographs that are registered, distributed over the image at places of most texture.
 
 use nacre_base::vectors::vectorised;
 use rayon::prelude::*;
 
-/// Side of a window in pixels, at most.
+/// Largest side of a window in pixels.
 const SIDE: usize = 256;
 
-/// Windows along each side of the image, at most: 16 of them are 1 Mpixel, whatever the size of the photographs.
+/// Largest number of windows along each side of the image. 16 of them are 1 Mpixel, for photographs of any size.
 const ALONG: usize = 4;
 
-/// Smallest side that a window can have.
+/// Smallest side of a window in pixels.
 pub(super) const SMALLEST: usize = 32;
 
-/// Windows of all frames, smoothed; NaN where a value cannot be used.
+/// Smoothed windows of all frames; NaN where a value is unusable.
 pub(super) struct Windows {
     pub(super) side: usize,
     /// Left and top of each window.
     corners: Vec<[usize; 2]>,
-    /// Per frame, one window after the other.
+    /// Windows of each frame, one after the other.
     frames: Vec<Vec<f32>>,
     width: usize,
     height: usize,
 }
 
 impl Windows {
-    /// For images of this size; no window fits images below 32 pixels.
+    /// Creates windows for images of this size; images below 32 pixels have none.
     pub(super) fn new(width: usize, height: usize) -> Self {
         let side = SIDE.min(width).min(height) / SMALLEST * SMALLEST;
         Self { side, corners: Vec::new(), frames: Vec::new(), width, height }
     }
 
-    /// The same windows at half the size; None when they get too small.
+    /// The same windows at half the size; `None` if they become too small.
     pub(super) fn halved(&self) -> Option<Self> {
         let side = self.side / 2;
         if side < SMALLEST {
@@ -67,7 +67,7 @@ impl Windows {
         &self.frames[frame][window * area..][..area]
     }
 
-    /// Takes in a frame; the first one decides where the windows lie.
+    /// Adds a frame; the first one determines the positions of the windows.
     pub(super) fn add(&mut self, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
         let (width, side) = (self.width, self.side);
         if self.frames.is_empty() && side > 0 {
@@ -83,7 +83,7 @@ impl Windows {
         self.frames.push(values);
     }
 
-    /// In each of up to 4×4 equal blocks of the image, the place with most texture.
+    /// Position of most texture in each of up to 4×4 equal blocks of the image.
     fn choose(&self, plane: &[f32]) -> Vec<[usize; 2]> {
         let blocks = [self.width, self.height].map(|length| (length / self.side).clamp(1, ALONG));
         let size = [self.width / blocks[0], self.height / blocks[1]];
@@ -101,7 +101,7 @@ impl Windows {
             .collect()
     }
 
-    /// Power of the differences over two pixels, on a fourth of the window's rows and columns.
+    /// Power of differences over two pixels, on a quarter of the window's rows and columns.
     fn texture(&self, plane: &[f32], [left, top]: [usize; 2]) -> f32 {
         let mut sum = 0.0;
         for y in (top..top + self.side - 2).step_by(2) {
@@ -115,15 +115,15 @@ impl Windows {
     }
 }
 
-/// A part of row `y` from column `left` on, with NaN for values that cannot be used.
+/// Part of row `y` from column `left` on, with NaN for unusable values.
 fn usable(row: &impl Fn(usize, usize, &mut [f32], &mut [u8]), [left, y]: [usize; 2], values: &mut [f32]) {
     let mut bad = vec![0_u8; values.len()];
     row(y, left, values, &mut bad);
     values.iter_mut().zip(bad).filter(|(_, bad)| *bad != 0).for_each(|(value, _)| *value = f32::NAN);
 }
 
-/// Binomial filter of five taps (σ = 1 px) along both sides, so that edges are sampled finely enough to be interpolated.
-/// NaN spreads to all pixels that it touches, and the rim becomes NaN.
+/// Binomial filter of five taps (σ = 1 px) along both axes, so that edges are sampled finely enough for interpolation.
+/// NaN spreads to all pixels that it touches, and the border becomes NaN.
 fn smooth(window: &mut [f32], side: usize) {
     let mut wide = vec![f32::NAN; window.len()];
     vectorised(

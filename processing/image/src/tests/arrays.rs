@@ -1,10 +1,10 @@
-//! Arrays of astronomers and of NumPy, WebP, and formats that are refused by name.
+//! FITS and NumPy arrays, WebP, and formats that are refused by name.
 
 use tempfile::TempDir;
 
 use super::*;
 
-/// Unit of a FITS file: a header of these cards and big-endian data, both in whole blocks.
+/// FITS unit: a header of these cards and big-endian data, both in whole blocks.
 pub(super) fn fits_unit(cards: &[&str], data: &[u8]) -> Vec<u8> {
     let mut unit = cards.iter().chain(&["END"]).map(|card| format!("{card:80}")).collect::<String>().into_bytes();
     unit.resize(unit.len().next_multiple_of(2880), b' ');
@@ -21,7 +21,7 @@ pub(super) fn fits(bits: i32, axes: &[usize], more: &[&str], data: &[u8]) -> Vec
     fits_unit(&cards, data)
 }
 
-/// An NPY file of version 1.
+/// NPY file of version 1.
 pub(super) fn npy(descr: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u8> {
     let fortran = if fortran { "True" } else { "False" };
     let mut header = format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}");
@@ -30,7 +30,7 @@ pub(super) fn npy(descr: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u
     [&b"\x93NUMPY\x01\0"[..], &(header.len() as u16).to_le_bytes(), header.as_bytes(), data].concat()
 }
 
-/// A file of these bytes, in a folder that lives as long as the returned guard.
+/// File of these bytes, in a folder that exists as long as the returned guard.
 fn file(bytes: &[u8]) -> (TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("photograph");
@@ -52,7 +52,7 @@ fn says(bytes: &[u8], words: &str) {
     }
 }
 
-/// Rows of 3 x 2 values from the top, as FITS has them from the bottom.
+/// Rows of 3 x 2 values from the top; FITS stores them from the bottom.
 const TOP: [i32; 6] = [11, 12, 13, 21, 22, 23];
 const BOTTOM: [i32; 6] = [21, 22, 23, 11, 12, 13];
 

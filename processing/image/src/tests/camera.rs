@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A value of a tag, in the bytes of a little-endian file.
+/// Value of a tag in a little-endian file.
 enum Tag {
     Bytes(Vec<u8>),
     Text(&'static str),
@@ -24,7 +24,7 @@ impl Tag {
     }
 }
 
-/// A TIFF of one directory with tags of Exif, and one strip of data.
+/// TIFF of one directory with Exif tags, and one strip of data.
 fn tiff(tags: Vec<(u16, Tag)>, exif: Vec<(u16, Tag)>, data: &[u8]) -> Vec<u8> {
     let mut file = b"II*\0\0\0\0\0".to_vec();
     let strip = file.len() as u32;
@@ -81,7 +81,7 @@ fn mosaic(width: usize, height: usize, pattern: [u8; 4]) -> Vec<(u16, Tag)> {
     ]
 }
 
-/// A DNG of a mosaic with further tags.
+/// DNG of a mosaic with further tags.
 fn dng(width: usize, height: usize, pattern: [u8; 4], more: Vec<(u16, Tag)>, values: &[u16]) -> Vec<u8> {
     let mut tags = mosaic(width, height, pattern);
     tags.push((50_706, Tag::Bytes(vec![1, 4, 0, 0])));
@@ -94,13 +94,13 @@ fn dng(width: usize, height: usize, pattern: [u8; 4], more: Vec<(u16, Tag)>, val
     tiff(tags, exif, &values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>())
 }
 
-/// A small DNG of values that are all different.
+/// Small DNG with distinct values.
 pub(super) fn small() -> Vec<u8> {
     let values: Vec<u16> = (0..12 * 8).map(|i| 600 + i * 37).collect();
     dng(12, 8, [0, 1, 1, 2], vec![(50_714, Tag::Shorts(vec![512])), (50_717, Tag::Shorts(vec![4095]))], &values)
 }
 
-/// A TIFF with tags of a camera that holds a finished picture is read as such.
+/// A TIFF of a finished picture with a camera's tags is read as a TIFF.
 #[test]
 fn a_tiff_that_a_camera_wrote_stays_a_tiff() {
     let dir = tempfile::tempdir().unwrap();
@@ -116,7 +116,7 @@ fn a_tiff_that_a_camera_wrote_stays_a_tiff() {
     ];
     fs::write(&path, tiff(tags, vec![], &[1, 2, 3, 4])).unwrap();
     assert_eq!(read(&path).unwrap().samples, Samples::U16(vec![0x201, 0x403]));
-    // Pixels that look like the marks of raw formats, which stand at the same place.
+    // Pixels that equal the marks of raw formats at the same position.
     for pixels in [b"IIII", b"CR\x02\0"] {
         let tags = [(256, 2_u32), (257, 2), (258, 8), (259, 1), (262, 1), (277, 1)];
         let tags = tags.map(|(tag, value)| (tag, Tag::Longs(vec![value]))).into_iter().collect();
@@ -208,7 +208,7 @@ mod decoded {
         }
     }
 
-    /// An active area at odd coordinates, to which pattern, black levels and crop are relative.
+    /// Active area at odd coordinates, to which pattern, black levels and crop are relative.
     #[test]
     fn borders_are_cut_and_black_levels_made_equal() {
         let values: Vec<u16> = (0..9 * 8).map(|i| 1000 + i).collect();
@@ -269,7 +269,7 @@ mod decoded {
         says(b"FOVb\0\0\x02\0", "is a Sigma X3F file (camera raw), which is not read");
     }
 
-    /// Boxes within boxes, one of which has no length, and one a count that nothing can hold.
+    /// Nested boxes, one without a length, and one with a count beyond any memory.
     #[test]
     fn boxes_are_checked_before_anything_is_decoded() {
         let boxed =
@@ -295,7 +295,7 @@ mod decoded {
             file
         };
         says(&patched(256, 4_000_000_000), "more than the 256 Mpixel of a camera raw file");
-        // A tag of the Exif directory that claims 32 GiB, and a chain of directories that never ends.
+        // An Exif tag that claims 32 GiB, and an endless chain of directories.
         let mut huge = whole.clone();
         let ratio = [&33_434_u16.to_le_bytes()[..], &5_u16.to_le_bytes(), &1_u32.to_le_bytes()].concat();
         let at = huge.windows(8).position(|w| w == ratio).unwrap();

@@ -3,7 +3,7 @@
 use super::*;
 use crate::{Curve, Details, details};
 
-/// A PNG of one grey pixel with chunks before its pixels.
+/// PNG of one grey pixel with chunks before its pixels.
 fn stating(dir: &Path, chunks: &[(&[u8; 4], &[u8])]) -> Details {
     let header = png_header(1, 1, 8, 0);
     let pixels = [0x78, 1, 1, 2, 0, 0xfd, 0xff, 0, 7, 0, 9, 0, 8];
@@ -25,7 +25,7 @@ fn png_chunks_say_how_values_encode_light() {
     assert_eq!(gamma(55_556), Some(Curve::Gamma(1.0 / 0.55556)));
     assert_eq!(gamma(0), Some(Curve::Other));
     assert_eq!(curve(&[(b"sRGB", &[0])]), Some(Curve::Srgb));
-    // The stronger statement counts, in either order.
+    // The stronger statement applies, in either order.
     let (weak, strong) = (100_000_u32.to_be_bytes(), [0]);
     assert_eq!(curve(&[(b"gAMA", &weak), (b"sRGB", &strong)]), Some(Curve::Srgb));
     assert_eq!(curve(&[(b"cICP", &[1, 8, 0, 1]), (b"sRGB", &strong)]), Some(Curve::Linear));
@@ -34,10 +34,10 @@ fn png_chunks_say_how_values_encode_light() {
     assert!(animated.notes[0].contains("9 frames"), "{:?}", animated.notes);
 }
 
-/// Orientation 8 as a block of tags.
+/// Orientation 8 as a block of Exif tags.
 const TAGS: &[u8] = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x08\0\0\0\0\0\0\0";
 
-/// An ICC profile whose curve is given; profiles of others have many more tags.
+/// ICC profile with a given curve; real profiles have many more tags.
 fn profile(curve: &[u8]) -> Vec<u8> {
     let mut p = vec![0; 128];
     let size = (128 + 4 + 12 + curve.len()) as u32;
@@ -74,7 +74,7 @@ fn icc_profiles_say_how_values_encode_light() {
     assert_eq!(Curve::of_profile(b"no profile"), None);
 }
 
-/// A PNG with every chunk that is looked at, and a TIFF of two pages in 12 bits.
+/// PNG with every chunk that is read, and a TIFF of two pages in 12 bits.
 pub(super) fn samples(dir: &Path) -> [PathBuf; 2] {
     let mut profile_chunk = b"name\0\0".to_vec();
     let mut packer = flate2::write::ZlibEncoder::new(&mut profile_chunk, flate2::Compression::fast());
@@ -96,10 +96,10 @@ pub(super) fn samples(dir: &Path) -> [PathBuf; 2] {
     [png, pages(dir, &[(2, 2, 12, &[(274, 3)], &strip), (2, 2, 12, &[], &strip)])]
 }
 
-/// A page: width, height, bits per sample, tags besides those of a grey picture, and its strip.
+/// Page: width, height, bits per sample, tags besides those of a grey picture, and its strip.
 type Page<'a> = (u32, u32, u16, &'a [(u16, u32)], &'a [u8]);
 
-/// A little-endian TIFF without compression.
+/// Little-endian TIFF without compression.
 fn pages(dir: &Path, all: &[Page<'_>]) -> PathBuf {
     let mut file = b"II\x2a\0\0\0\0\0".to_vec();
     let mut link = 4;
@@ -201,7 +201,7 @@ fn jpeg_without_tables_or_end_is_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = jpeg_file(dir.path(), true);
     let (whole, wanted) = (fs::read(&path).unwrap(), read(&path).unwrap());
-    // Without the marker at the end, whose two bytes are the last.
+    // Without the end marker, the last two bytes.
     fs::write(&path, &whole[..whole.len() - 2]).unwrap();
     assert_eq!(read(&path).unwrap(), wanted);
     assert!(details(&path).unwrap().notes[0].contains("end marker"));
@@ -220,7 +220,7 @@ fn jpeg_without_tables_or_end_is_read() {
     fs::write(&path, &bare).unwrap();
     assert_eq!(read(&path).unwrap(), wanted);
     assert!(details(&path).unwrap().notes[0].contains("Huffman"));
-    // Cut within the data, most of it there or little.
+    // Truncated data, with most or little of it present.
     for cut in [whole.len() - 4, whole.len() - 30, at + 40] {
         fs::write(&path, &whole[..cut]).unwrap();
         let error = read(&path).map(drop).unwrap_err().to_string();

@@ -5,7 +5,7 @@ use exr::meta::attribute::{Chromaticities, EnvironmentMap};
 use exr::prelude::Encoding;
 use exr::prelude::*;
 
-/// A layer of 32-bit channels, whose samples are a function of channel, column and row.
+/// Layer of 32-bit channels, whose samples are a function of channel, column and row.
 fn layer(
     size: [usize; 2],
     name: Option<&str>,
@@ -86,7 +86,7 @@ fn layers_by_their_names() {
     };
     let red = |layer: Option<&str>| read_light(&path, layer).map(|light| (light.rgb[0], light.notes.join("; ")));
     let refused = |layer: Option<&str>| red(layer).unwrap_err().to_string();
-    // The only picture, whatever else there is. Channels are in alphabetic order.
+    // The only picture besides other channels, which are in alphabetic order.
     write(&[
         "ViewLayer.Combined.A",
         "ViewLayer.Combined.B",
@@ -107,7 +107,7 @@ fn layers_by_their_names() {
     assert!(pixel == [2.0, 1.0, 0.0] && said.contains("not \"right\""), "{pixel:?} {said}");
     assert_eq!(red(Some("right")).unwrap(), ([5.0, 4.0, 3.0], String::new()));
     assert_eq!(red(Some("")).unwrap().0, [2.0, 1.0, 0.0]);
-    // Passes with one whole picture, and without.
+    // Passes with and without one complete picture.
     write(&["L.Combined.B", "L.Combined.G", "L.Combined.R", "L.Diffuse.B", "L.Diffuse.G", "L.Diffuse.R"]);
     assert!(red(None).unwrap().1.contains("\"L.Combined\"; not \"L.Diffuse\""));
     write(&["left.B", "left.G", "left.R", "right.B", "right.G", "right.R"]);
@@ -133,7 +133,7 @@ fn parts_by_their_names() {
     assert!(read_light(&path, None).unwrap_err().to_string().contains("3 pictures: \"day\", \"night\", \"fog\""));
     assert_eq!(read_light(&path, Some("night")).unwrap().rgb[0], [4.0; 3]);
     assert_eq!(read_light(&path, Some("fog")).unwrap().rgb[0], [5.0; 3]);
-    // Two views of one name are told apart by the view.
+    // The view distinguishes parts of the same name.
     let mut views = vec![part("a", &["B", "G", "R"], 6.0), part("b", &["B", "G", "R"], 7.0)];
     for (part, view) in views.iter_mut().zip(["left", "right"]) {
         part.attributes.view_name = Some(view.into());
@@ -175,7 +175,7 @@ fn primaries_and_cubes() {
         let light = read_light(&path, None).unwrap();
         assert_eq!((light.rgb[0], light.notes.len()), ([1.0, 2.0, 3.0], 0));
     }
-    // A compression of the future is no damage.
+    // An unknown compression is not damage.
     let whole = fs::read(&path).unwrap();
     let at = whole.windows(23).position(|w| w == b"compression\0compression").unwrap() + 28;
     let mut newer = whole.clone();
@@ -183,7 +183,7 @@ fn primaries_and_cubes() {
     fs::write(&path, newer).unwrap();
     let said = [crate::read(&path).map(drop), size(&path).map(drop), read_exr(&path).map(drop)];
     assert!(said.iter().all(|s| s.as_ref().unwrap_err().to_string().contains("compression number 13")), "{said:?}");
-    // Without chromaticities, the name of the colour space counts.
+    // Without chromaticities, the name of the colour space applies.
     for (space, pixel, words) in
         [("lin_rec2020_scene", [1.0, 1.0, 1.0], "from Rec. 2020"), ("sRGB", [1.0; 3], "read as linear")]
     {
@@ -207,7 +207,7 @@ fn primaries_and_cubes() {
     assert!(read_light(&png, None).unwrap_err().to_string().contains("is not linear radiance"));
 }
 
-/// Tiles with smaller copies: the full resolution counts.
+/// Tiles with mip maps: the full resolution is read.
 #[test]
 fn mip_maps() {
     let dir = tempfile::tempdir().unwrap();
@@ -224,7 +224,7 @@ fn mip_maps() {
     assert_eq!(read_light(&path, None).unwrap().rgb, [[12.0, 11.0, 10.0]; 64]);
 }
 
-/// An uncompressed file of Y at all pixels and RY, BY at every second one, put together by hand.
+/// Uncompressed file of Y at all pixels and RY, BY at every second one.
 pub(super) fn luminance_chroma(size: [usize; 2], at: [i32; 2], compression: u8) -> Vec<u8> {
     let [width, height] = size;
     let attribute = |name: &str, kind: &str, value: &[u8]| {
@@ -276,7 +276,7 @@ fn luminance_and_chroma_become_red_green_and_blue() {
         let light = read_light(&path, None).unwrap();
         for (k, [r, g, b]) in light.rgb.iter().enumerate() {
             let (x, y) = ((k % 8) as f32, (k % 8 + 1) as f32);
-            // (R - Y)/Y rises by 1/8 a pixel up to the last sample; (B - Y)/Y is -1/2.
+            // (R - Y)/Y increases by 1/8 per pixel up to the last sample; (B - Y)/Y is -1/2.
             let red = y * (1.0 + 0.125 * x.min(6.0));
             assert!((r - red).abs() < 1e-5 && (b - 0.5 * y).abs() < 1e-5, "{k}: {r} {red}");
             assert!((0.2126 * r + 0.7152 * g + 0.0722 * b - y).abs() < 1e-3 * y);
@@ -284,7 +284,7 @@ fn luminance_and_chroma_become_red_green_and_blue() {
     }
     let said = read_exr(&path).unwrap_err().to_string();
     assert!(said.contains("subsampled channels"), "{said}");
-    // Tiles and DWA are refused by name; odd places and cut files are damaged.
+    // Tiles and DWA are refused by name; odd positions and truncated files are damage.
     fs::write(&path, luminance_chroma([8, 4], [0, 0], 8)).unwrap();
     let said = read_light(&path, None).unwrap_err().to_string();
     assert!(said.contains("subsampled channels with dwaa"), "{said}");
@@ -297,7 +297,7 @@ fn luminance_and_chroma_become_red_green_and_blue() {
     }
 }
 
-/// Files that `tests/openexr/run` writes with the OpenEXR library, against the samples that the library reads.
+/// Files that `tests/openexr/run` writes with the OpenEXR library, compared with the samples that the library reads.
 #[test]
 fn matrix_of_the_openexr_library() {
     let Some(folder) = std::env::var_os("NACRE_EXR_MATRIX") else {

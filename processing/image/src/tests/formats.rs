@@ -1,4 +1,4 @@
-//! Every format and depth, there and back.
+//! Round trips of every format and depth.
 
 use super::*;
 
@@ -31,7 +31,7 @@ fn png_of_every_kind() {
 fn png_of_one_bit_and_of_a_palette() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("x.png");
-    // One stored block of zlib: filter byte 0 and the bits 1010 0000; its Adler-32.
+    // Stored zlib block with filter byte 0 and the bits 1010 0000, and its Adler-32.
     let idat = |row: u8| {
         let adler = (u32::from(row) + 2) << 16 | (u32::from(row) + 1);
         [&[0x78, 1, 1, 2, 0, 0xfd, 0xff, 0, row][..], &adler.to_be_bytes()].concat()
@@ -91,7 +91,7 @@ fn jpeg_cut_short_or_cmyk_is_an_error() {
     let dir = tempfile::tempdir().unwrap();
     let whole = fs::read(jpeg_file(dir.path(), true)).unwrap();
     let path = dir.path().join("cut.jpg");
-    // A thumbnail's end marker inside an APP1 segment, and the file cut in the middle of its own data.
+    // A thumbnail's end marker inside an APP1 segment, and a file truncated within its own data.
     let mut cut = vec![0xff, 0xd8, 0xff, 0xe1, 0, 6, 0xff, 0xd9, 0xff, 0xd9];
     cut.extend(&whole[2..whole.len() - 60]);
     fs::write(&path, &cut).unwrap();
@@ -167,7 +167,7 @@ fn exr_map_keeps_nan_names_and_attributes() {
     }
     assert_eq!(map.attributes["pixelPitch_um"], "3.45");
     assert_eq!(map.attributes["units"], "rad, µm");
-    // The exr crate's strictest reader finds nothing wrong, and the same map gives the same bytes.
+    // The exr crate's strict reader accepts the file, and equal maps give equal bytes.
     let strict = exr::meta::MetaData::read_from_file(&path, true).unwrap();
     assert_eq!(strict.headers.len(), 1);
     let first = fs::read(&path).unwrap();

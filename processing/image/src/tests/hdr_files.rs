@@ -1,8 +1,8 @@
-//! Radiance pictures of other programs.
+//! Radiance HDR files of other programs.
 
 use super::*;
 
-/// A picture of `width` by `height` pixels, each another colour.
+/// Picture of `width` by `height` pixels with distinct colours.
 fn colours([width, height]: [usize; 2]) -> Vec<[u8; 4]> {
     (0..width * height)
         .map(|k| [(k * 7 % 256) as u8, (k * 13 % 256) as u8, 128 + (k % 100) as u8, 126 + (k % 5) as u8])
@@ -60,7 +60,7 @@ fn magic_words_and_headers() {
     assert!(refusal(&file(HEADER, "-Y 300000 +X 5", &pixels)).contains("more than 65535"));
 }
 
-/// The eight orders of the format; the picture is the same in all.
+/// The eight pixel orders of the format give the same picture.
 #[test]
 fn all_orientations() {
     let [width, height] = [5, 3];
@@ -98,7 +98,7 @@ fn exposures_and_corrections_multiply() {
         assert_eq!(found, [r / 2.0, g / 4.0, b / 8.0]);
     }
     assert!(light.notes.join("").contains("(2, 4, 8)"), "{:?}", light.notes);
-    // Photographs are divided too.
+    // Photographs are divided by the exposure too.
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.hdr");
     fs::write(&path, file(&format!("{HEADER}EXPOSURE=2\n"), "-Y 2 +X 4", &pixels)).unwrap();
@@ -116,7 +116,7 @@ fn exposures_and_corrections_multiply() {
 
 #[test]
 fn other_primaries_become_rec_709() {
-    // X, Y, Z of D65 white and of the red primary of Rec. 709, as mantissas over one exponent.
+    // X, Y, Z of D65 white and of the red primary of Rec. 709, as mantissas with one exponent.
     let quantize = |xyz: [f64; 3]| -> [u8; 4] {
         let [x, y, z] = xyz.map(|v| (v * 128.0).round() as u8);
         [x, y, z, 129]
@@ -128,7 +128,7 @@ fn other_primaries_become_rec_709() {
         assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.02), "{:?}", light.rgb);
     }
     assert!(light.notes.join("; ").contains("from CIE XYZ to Rec. 709"), "{:?}", light.notes);
-    // Rec. 2020, where white stays white and green lies outside of Rec. 709.
+    // In Rec. 2020, white stays white and green is outside of Rec. 709.
     let header = format!("{HEADER}PRIMARIES= .708 .292 .170 .797 .131 .046 .3127 .3290\n");
     let light = light_of(&file(&header, "-Y 1 +X 2", &[[128, 128, 128, 129], [0, 128, 0, 129]]));
     assert!(light.rgb[0].iter().all(|v| (v - 1.0).abs() < 1e-5), "{:?}", light.rgb);
@@ -142,7 +142,7 @@ fn other_primaries_become_rec_709() {
     assert!(read_light(&path, None).unwrap_err().to_string().contains("lie on a line"));
 }
 
-/// A picture as the image crate writes it, with runs.
+/// Picture with runs, as written by the image crate.
 pub(super) fn with_runs() -> Vec<u8> {
     let [width, height] = [40, 6];
     let pixel = |k: usize| [(k / 9) as f32, 0.5, if k % width < 25 { 3.0 } else { k as f32 }];
@@ -152,7 +152,7 @@ pub(super) fn with_runs() -> Vec<u8> {
     bytes
 }
 
-/// As the image crate writes and reads them, and runs of the older format.
+/// Runs as written and read by the image crate, and runs of the older format.
 #[test]
 fn runs_of_pixels() {
     let bytes = with_runs();

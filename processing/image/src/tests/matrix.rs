@@ -1,4 +1,4 @@
-//! Files that other programs wrote, with the values that these read from them (`tests/formats/run`).
+//! Files that other programs wrote, with the values that these programs read from them (`tests/formats/run`).
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::{Raster, Samples, read};
 
-/// Differences of all values; none where the types or sizes differ.
+/// Differences of all values; `None` if types or sizes differ.
 fn differences(raster: &Raster, kind: &str, truth: &[u8]) -> Option<Vec<f64>> {
     let floats = || truth.as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect();
     let words = || truth.as_chunks().0.iter().map(|b| f64::from(u16::from_le_bytes(*b))).collect();
@@ -21,7 +21,7 @@ fn differences(raster: &Raster, kind: &str, truth: &[u8]) -> Option<Vec<f64>> {
     (found.len() == truth.len()).then(|| found.iter().zip(&truth).map(|(a, b)| (a - b).abs()).collect())
 }
 
-/// The largest difference, NaN where one is; `inside` leaves out the last row and column.
+/// Largest difference, or NaN if any is NaN; `inside` excludes the last row and column.
 fn largest(raster: &Raster, differences: &[f64], inside: bool) -> f64 {
     let less = usize::from(inside);
     let rows = differences.chunks(raster.width * raster.channels).take(raster.height - less);

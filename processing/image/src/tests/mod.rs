@@ -1,4 +1,4 @@
-//! Files in, files out, and everything that can be wrong with a file. Here: the files that the tests share.
+//! Tests of reading and writing, with valid and damaged files; this module holds shared files.
 
 mod arrays;
 mod camera;
@@ -22,7 +22,7 @@ use super::*;
 const W: usize = 13;
 const H: usize = 7;
 
-/// Reproducible numbers without a crate: xorshift.
+/// Reproducible pseudorandom numbers (xorshift).
 struct Dice(u64);
 
 impl Dice {
@@ -58,7 +58,7 @@ fn check(path: &Path, channels: usize, depth: Depth, samples: Samples) {
     assert_eq!(read(path).unwrap(), Raster { width: W, height: H, channels, samples }, "{}", path.display());
 }
 
-/// Black and white that a file states.
+/// Black and white level stated by a file.
 fn levels(path: &Path) -> nacre_base::Result<Option<[f64; 2]>> {
     details(path).map(|d| Some([d.black?, d.white?]))
 }
@@ -69,7 +69,7 @@ fn png_file(dir: &Path, color: ::image::ExtendedColorType, data: &[u8]) -> PathB
     path
 }
 
-/// A PNG put together by hand: chunks with their checksums.
+/// PNG of given chunks, with their checksums.
 fn raw_png(chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
     let crc = |bytes: &[u8]| {
         !bytes.iter().fold(!0_u32, |crc, byte| {

@@ -1,4 +1,4 @@
-//! The palettes of angles, judged by CIEDE2000: for the usual eye, for dichromats, and in grey.
+//! Palettes of angles, judged by CIEDE2000 for normal vision, for dichromats, and in grey.
 
 use nacre_optics::color::{delta_e_2000, lab, xyz_of_linear_srgb};
 
@@ -7,8 +7,8 @@ use crate::{MASKED, Palette, Rgb};
 
 type Lab = [f64; 3];
 
-/// Linear sRGB as dichromats see it: G. M. Machado, M. M. Oliveira and L. A. F. Fernandes, "A Physiologically-based Model for Simulation of Color
-/// Vision Deficiency" (2009), severity 1.0.
+/// Linear sRGB as seen by dichromats: G. M. Machado, M. M. Oliveira and L. A. F. Fernandes, "A Physiologically-based
+/// Model for Simulation of Color Vision Deficiency" (2009), severity 1.0.
 const EYES: [(&str, [[f64; 3]; 3]); 4] = [
     ("usual", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     (
@@ -50,7 +50,7 @@ fn least(palette: Palette, eye: &[[f64; 3]; 3]) -> f64 {
     pairs.map(|(i, j)| delta_e_2000(colors[i], colors[j])).fold(f64::INFINITY, f64::min)
 }
 
-/// Least and most difference between neighbouring degrees, over their mean.
+/// Smallest and largest difference between neighbouring degrees, relative to their mean.
 fn evenness(colors: &[Lab]) -> [f64; 2] {
     let steps: Vec<f64> = (0..colors.len()).map(|i| delta_e_2000(colors[i], colors[(i + 1) % colors.len()])).collect();
     let mean = steps.iter().sum::<f64>() / steps.len() as f64;
@@ -62,7 +62,7 @@ fn evenness(colors: &[Lab]) -> [f64; 2] {
 fn cyclic_is_closed_even_and_within_srgb() {
     let path: Vec<[f64; 3]> = (0..180).map(|deg| cyclic(f64::from(deg) / 180.0)).collect();
     assert!(path.iter().flatten().all(|v| (0.0..=1.0).contains(v)));
-    // The step from 179° to 180° is one of them, so that an open path would be uneven.
+    // The step from 179° to 180° is included, so an open path would be uneven.
     let [low, high] = evenness(&path.iter().map(|light| lab_of_linear(*light)).collect::<Vec<_>>());
     let hues = degrees(Palette::Hsv).into_iter().map(|c| seen(c, &EYES[0].1)).collect::<Vec<_>>();
     let [slow, fast] = evenness(&hues);

@@ -1,9 +1,9 @@
-//! How different two colours look: CIELAB and CIEDE2000.
+//! Colour differences: CIELAB and CIEDE2000.
 
-/// White of D65 for the 1931 observer, X, Y, Z.
+/// White point of D65 for the CIE 1931 observer: X, Y, Z with Y = 1.
 const WHITE: [f64; 3] = [0.950_47, 1.0, 1.088_83];
 
-/// CIELAB (L*, a*, b*) of CIE XYZ under D65, white having Y = 1 (CIE 15:2018, 8.2.1).
+/// Converts CIE XYZ (white has Y = 1) to CIELAB (L*, a*, b*) under D65 (CIE 15:2018, 8.2.1).
 pub fn lab(xyz: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = [0, 1, 2].map(|k| {
         let t = xyz[k] / WHITE[k];
@@ -12,7 +12,7 @@ pub fn lab(xyz: [f64; 3]) -> [f64; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// CIEDE2000 of two colours in CIELAB (Sharma, Wu and Dalal 2005): about 1 is just seen.
+/// CIEDE2000 difference of two colours in CIELAB (Sharma, Wu and Dalal 2005). A difference of 1 is just noticeable.
 pub fn delta_e_2000(one: [f64; 3], other: [f64; 3]) -> f64 {
     let chroma = |c: [f64; 3]| c[1].hypot(c[2]);
     let seventh = |c: f64| (c.powi(7) / (c.powi(7) + 25.0_f64.powi(7))).sqrt();
@@ -49,7 +49,7 @@ pub fn delta_e_2000(one: [f64; 3], other: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// From Sharma, Wu and Dalal (2005), Table 1: pairs that tell mistakes.
+    /// Test pairs of Sharma, Wu and Dalal (2005), Table 1, chosen to reveal errors of implementation.
     const PAIRS: [([f64; 3], [f64; 3], f64); 16] = [
         ([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485], 2.0425),
         ([50.0, 3.1571, -77.2803], [50.0, 0.0, -82.7485], 2.8615),

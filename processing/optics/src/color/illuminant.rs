@@ -1,10 +1,10 @@
-//! Lights by name.
+//! Illuminants by name or from a CSV file.
 
 use super::{Observer, Spectrum, VISIBLE_NM};
 use nacre_base::{Error, Result};
 use std::path::Path;
 
-/// Names of the lights that are built in.
+/// Names of the built-in illuminants.
 pub const NAMES: [&str; 18] = [
     "E",
     "A",
@@ -26,20 +26,20 @@ pub const NAMES: [&str; 18] = [
     "LED-B3",
 ];
 
-/// Where the inverse of A is 1.
+/// Wavelength at which the inverse of illuminant A is 1, in nm.
 const INVERSE_AT_NM: f64 = 560.0;
 
-/// Light that falls on a surface.
+/// Illuminant: the spectrum of the light on a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Illuminant {
-    /// Its name, or the file it came from.
+    /// Name of a built-in illuminant, or path of its file.
     pub name: String,
-    /// Its power.
+    /// Spectral power in any unit.
     pub spectrum: Spectrum,
 }
 
 impl Default for Illuminant {
-    /// Equal energy.
+    /// Illuminant E (equal energy).
     fn default() -> Self {
         Self { name: "E".into(), spectrum: Spectrum::equal_energy() }
     }
@@ -68,8 +68,10 @@ fn table(name: &str) -> Option<&'static str> {
 }
 
 impl Illuminant {
-    /// A built-in light: E (equal energy), A (tungsten), A-inverse (1/A, 1 at 560 nm), D65 (daylight), FL1 to FL12
-    /// (fluorescent), LED-B1, LED-B3.
+    /// Built-in illuminant of this name; `None` for unknown names.
+    ///
+    /// Names: E (equal energy), A (tungsten), A-inverse (1/A, scaled to 1 at 560 nm), D65 (daylight), FL1 to FL12
+    /// (fluorescent), LED-B1 and LED-B3.
     pub fn named(name: &str) -> Option<Self> {
         if name == "E" {
             return Some(Self::default());
@@ -83,9 +85,9 @@ impl Illuminant {
         Some(Self { name: name.into(), spectrum })
     }
 
-    /// X, Y and Z of what is white under it, Y being 1; none where an observer sees nothing of it.
+    /// White point: X, Y, Z of a perfect diffuser, scaled to Y = 1. `None` if the light has no visible power.
     pub fn white(&self, observer: Observer) -> Option<[f64; 3]> {
-        // Lines in a CSV file may be narrow.
+        // Spectral lines of a CSV file may be narrow.
         const STEP_NM: f64 = 0.1;
         let steps = ((VISIBLE_NM[1] - VISIBLE_NM[0]) / STEP_NM) as usize;
         let mut sum = [0.0; 3];
@@ -97,10 +99,10 @@ impl Illuminant {
         (sum[1] > 0.0).then(|| sum.map(|v| v / sum[1]))
     }
 
-    /// A built-in light, or else one from a CSV file.
+    /// Built-in illuminant of this name, or the spectrum in the CSV file of this path.
     ///
     /// # Errors
-    /// `Input` when it is neither.
+    /// `Input` if the name is neither.
     pub fn of(name: &str) -> Result<Self> {
         match Self::named(name) {
             Some(light) => Ok(light),

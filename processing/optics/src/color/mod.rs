@@ -1,7 +1,7 @@
-//! Spectra of light, and how the standard observers see them.
+//! Spectra, illuminants and colours for the CIE standard observers.
 //!
-//! Tables are those of the CIE as the colour-science package 0.4.7 publishes them (`data/LICENSE.txt`): observers in steps of
-//! 1 nm, illuminants in steps of 5 nm. Between the steps they are interpolated linearly.
+//! Tables are those of the CIE as published in the colour-science package 0.4.7 (`data/LICENSE.txt`). Observers have
+//! steps of 1 nm, illuminants of 5 nm; values in between are interpolated linearly.
 
 mod difference;
 mod illuminant;
@@ -17,22 +17,22 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
-/// Shortest and longest wavelength that the observers see, in nm.
+/// Range of the observers' tables in nm.
 pub const VISIBLE_NM: [f64; 2] = [360.0, 830.0];
 
-/// A standard observer.
+/// CIE standard observer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Observer {
-    /// CIE 1931, 2°.
+    /// CIE 1931, field of view 2°.
     #[default]
     #[serde(rename = "1931")]
     Cie1931,
-    /// CIE 1964, 10°.
+    /// CIE 1964, field of view 10°.
     #[serde(rename = "1964")]
     Cie1964,
 }
 
-/// Rows of an observer from 360 nm on, 1 nm apart.
+/// Colour matching functions from 360 nm on, in steps of 1 nm.
 type Rows = Vec<[f64; 3]>;
 
 static CIE_1931: LazyLock<Rows> = LazyLock::new(|| rows(include_str!("data/cie_1931_2deg.csv")));
@@ -47,7 +47,7 @@ fn rows(csv: &str) -> Rows {
 }
 
 impl Observer {
-    /// Colour matching functions x̄, ȳ, z̄ at a wavelength in nm; 0 where nothing is seen.
+    /// Colour matching functions x̄, ȳ, z̄ at a wavelength in nm; 0 outside of [`VISIBLE_NM`].
     pub fn at(self, nm: f64) -> [f64; 3] {
         let rows: &Rows = match self {
             Self::Cie1931 => &CIE_1931,
@@ -63,7 +63,7 @@ impl Observer {
     }
 }
 
-/// Linear sRGB (IEC 61966-2-1) of CIE XYZ whose white has Y = 1.
+/// Converts CIE XYZ (white has Y = 1) to linear sRGB (IEC 61966-2-1).
 pub fn linear_srgb([x, y, z]: [f32; 3]) -> [f32; 3] {
     [
         3.240_454_2 * x - 1.537_138_5 * y - 0.498_531_4 * z,
@@ -72,7 +72,7 @@ pub fn linear_srgb([x, y, z]: [f32; 3]) -> [f32; 3] {
     ]
 }
 
-/// CIE XYZ of linear sRGB: the inverse of [`linear_srgb`].
+/// Converts linear sRGB to CIE XYZ: the inverse of [`linear_srgb`].
 pub fn xyz_of_linear_srgb([r, g, b]: [f32; 3]) -> [f32; 3] {
     [
         0.412_456_4 * r + 0.357_576_1 * g + 0.180_437_5 * b,
@@ -81,13 +81,15 @@ pub fn xyz_of_linear_srgb([r, g, b]: [f32; 3]) -> [f32; 3] {
     ]
 }
 
-/// What a screen shows of CIE XYZ, sRGB values of 0 to 1: the brightest is compressed by Reinhard's curve (Reinhard et al. 2002), and colours
-/// that no screen shows lose saturation until one does.
+/// Tone-maps CIE XYZ to sRGB values from 0 to 1.
+///
+/// Reinhard's curve compresses the range (Reinhard et al. 2002). Colours outside of the sRGB gamut lose saturation
+/// until they are inside.
 pub fn displayed(xyz: [f32; 3]) -> [f32; 3] {
     compressed(xyz).map(srgb_encode)
 }
 
-/// The same as codes of 8 bits.
+/// As [`displayed`], in 8-bit codes.
 pub fn displayed_codes(xyz: [f32; 3]) -> [u8; 3] {
     compressed(xyz).map(srgb_code)
 }
@@ -100,22 +102,22 @@ fn compressed([x, y, z]: [f32; 3]) -> [f32; 3] {
     rgb.map(|v| (luminance + kept * (v - luminance)) / (1.0 + most))
 }
 
-/// Value of the sRGB curve for linear light, 0 to 1.
+/// sRGB value of linear light; both from 0 to 1 (IEC 61966-2-1).
 pub fn srgb_encode(light: f32) -> f32 {
     let v = light.clamp(0.0, 1.0);
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The nearest code of 8 bits to [`srgb_encode`], without its power: 0 for NaN.
+/// 8-bit code next to [`srgb_encode`], from a table without evaluating a power; 0 for NaN.
 pub fn srgb_code(light: f32) -> u8 {
-    /// Bits of a number that do not choose its bucket: buckets are 1/64 of an octave, narrower than a code.
+    /// Low bits of a float that are dropped to find its bucket. Buckets span 1/64 of an octave, less than one code.
     const REST: u32 = 17;
-    /// Light of the first bucket; less than half a code lies below it.
+    /// First bucket; all smaller values round to code 0.
     const FIRST: u32 = (1.0_f32 / 8192.0).to_bits() >> REST;
     static CODES: LazyLock<(Vec<u8>, Vec<f32>)> = LazyLock::new(|| {
         let code = |light: f32| (255.0 * srgb_encode(light)).round() as u8;
         let buckets = (FIRST..=1.0_f32.to_bits() >> REST).map(|bucket| code(f32::from_bits(bucket << REST))).collect();
-        // Numbers above 0 are in the order of their bits.
+        // Positive floats are ordered like their bit patterns.
         let least = |wanted: u8| {
             let (mut low, mut high) = (0, 1.0_f32.to_bits());
             while low < high {

@@ -1,26 +1,26 @@
-//! Spectra as tables.
+//! Tabulated spectra.
 
 use super::VISIBLE_NM;
 use nacre_base::text::read_text;
 use nacre_base::{Error, Result};
 use std::path::Path;
 
-/// Largest file that is read, in bytes, and most rows of it.
+/// Largest file in bytes and largest number of rows.
 const MAX_BYTES: u64 = 1 << 20;
 const MAX_ROWS: usize = 20_000;
 
-/// Power over wavelength, linear between its points, 0 outside.
+/// Spectral power, linear between its points, 0 outside of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrum {
-    /// Wavelength in nm, rising, and power in any unit.
+    /// Wavelengths in nm, increasing, and powers in any unit.
     points: Vec<[f64; 2]>,
 }
 
 impl Spectrum {
-    /// Of wavelengths in nm and powers.
+    /// Creates a spectrum of points (wavelength in nm, power).
     ///
     /// # Errors
-    /// What is wrong with them, in words.
+    /// A description of the problem for messages.
     pub fn new(points: Vec<[f64; 2]>) -> std::result::Result<Self, String> {
         if points.len() < 2 {
             return Err(format!("has {} rows of numbers; a spectrum has at least two", points.len()));
@@ -42,12 +42,12 @@ impl Spectrum {
         Ok(Self { points })
     }
 
-    /// 1 wherever the observers see.
+    /// Constant power 1 over the range of the observers.
     pub(super) fn equal_energy() -> Self {
         Self { points: VISIBLE_NM.map(|nm| [nm, 1.0]).to_vec() }
     }
 
-    /// Reads `wavelength_nm,power` rows; one line of names may come first.
+    /// Parses rows of `wavelength_nm,power`; the first line may hold column names.
     pub(super) fn parse(text: &str) -> std::result::Result<Self, String> {
         let mut points = vec![];
         for (k, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
@@ -67,7 +67,7 @@ impl Spectrum {
     /// Reads a CSV file of wavelengths in nm and powers.
     ///
     /// # Errors
-    /// `Input` for files that are none.
+    /// `Input` if the file cannot be read or is not such a table.
     pub fn read(path: &Path) -> Result<Self> {
         let remedy = "give a CSV file with rows \"wavelength_nm,power\" in rising order";
         let text = read_text(path, MAX_BYTES, remedy)?;
@@ -84,13 +84,13 @@ impl Spectrum {
         }
     }
 
-    /// First and last wavelength in nm.
+    /// Shortest and longest wavelength in nm.
     pub fn range_nm(&self) -> [f64; 2] {
-        // There are two points at least.
+        // A spectrum has at least two points.
         [self.points.first(), self.points.last()].map(|p| p.map_or(0.0, |p| p[0]))
     }
 
-    /// With another power at each of its wavelengths.
+    /// Spectrum at the same wavelengths with powers mapped by `power`.
     pub(super) fn map(&self, power: impl Fn(f64) -> f64) -> Self {
         Self { points: self.points.iter().map(|[nm, p]| [*nm, power(*p)]).collect() }
     }

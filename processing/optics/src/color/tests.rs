@@ -1,8 +1,8 @@
-//! Colours against published numbers.
+//! Colours compared with published values.
 
 use super::*;
 
-/// Chromaticity of a light.
+/// Chromaticity (x, y) of an illuminant.
 fn chromaticity(light: &Illuminant, observer: Observer) -> [f64; 2] {
     let mut sum = [0.0; 3];
     for nm in (360..=830).map(f64::from) {
@@ -15,7 +15,7 @@ fn chromaticity(light: &Illuminant, observer: Observer) -> [f64; 2] {
 
 #[test]
 fn lights_have_the_chromaticities_that_the_cie_publishes() {
-    // CIE 15: 2° and 10°.
+    // CIE 15: chromaticities for 2° and 10°.
     for (name, two, ten) in [
         ("A", [0.447_58, 0.407_45], [0.451_17, 0.405_94]),
         ("D65", [0.312_72, 0.329_03], [0.313_81, 0.330_98]),
@@ -26,7 +26,7 @@ fn lights_have_the_chromaticities_that_the_cie_publishes() {
         let light = Illuminant::named(name).unwrap();
         for (observer, published) in [(Observer::Cie1931, two), (Observer::Cie1964, ten)] {
             let [x, y] = chromaticity(&light, observer);
-            // Lines of fluorescent lamps depend on how 5 nm are interpolated.
+            // The lines of fluorescent lamps depend on the interpolation within steps of 5 nm.
             let limit = if name.starts_with("FL") { 2e-3 } else { 3e-4 };
             assert!(
                 (x - published[0]).abs() < limit && (y - published[1]).abs() < limit,
@@ -78,7 +78,7 @@ fn white_is_white() {
 
 #[test]
 fn codes_are_those_of_the_curve() {
-    // Every 97th number from 0 to 1; then numbers outside of that range.
+    // Every 97th float from 0 to 1, then values outside of that range.
     for bits in (0..=1.0_f32.to_bits()).step_by(97) {
         let light = f32::from_bits(bits);
         assert_eq!(srgb_code(light), (255.0 * srgb_encode(light)).round() as u8, "{light}");

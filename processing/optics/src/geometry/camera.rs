@@ -1,36 +1,37 @@
-//! A pinhole camera with a lens: five coefficients, as OpenCV has them.
+//! Pinhole camera with lens distortion by OpenCV's five coefficients.
 
 use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Newton's steps from a pixel back to its direction; each doubles the digits.
+/// Limit of Newton steps from a pixel to its direction. Convergence is quadratic.
 const STEPS: usize = 20;
 
-/// What counts as found, in units of the focal length: 1e-9 px for a focal length of 1000 px.
+/// Tolerance of the inversion in units of the focal length: 1e-9 px for a focal length of 1000 px.
 const FOUND: f64 = 1e-12;
 
-/// A camera: where a direction falls on its sensor.
+/// Camera model: projects directions onto the sensor.
 ///
-/// Camera coordinates: x right, y down, z forward, origin at the entrance pupil. Pixel centres at integers, row 0 on top. The lens is
-/// Brown's (1966) with OpenCV's order of coefficients: with `x = X/Z`, `y = Y/Z`, `s = x² + y²`,
-/// `x' = x (1 + k1 s + k2 s² + k3 s³) + 2 p1 x y + p2 (s + 2x²)`, `y' = y (…) + p1 (s + 2y²) + 2 p2 x y`.
+/// Camera coordinates: x right, y down, z forward, origin at the entrance pupil. Pixel centres are at integers, row 0
+/// on top. The distortion is Brown's (1966) with OpenCV's order of coefficients. With `x = X/Z`, `y = Y/Z`,
+/// `s = x² + y²`: `x' = x (1 + k1 s + k2 s² + k3 s³) + 2 p1 x y + p2 (s + 2x²)`,
+/// `y' = y (…) + p1 (s + 2y²) + 2 p2 x y`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
-    /// Focal length in widths and in heights of a pixel.
+    /// Focal length in pixels, horizontally and vertically (1 to 10⁷).
     pub focal_px: [f64; 2],
-    /// Where the optical axis meets the sensor: pixels from the left and from the top.
+    /// Principal point in pixels from the left and from the top (at most 10⁶).
     pub center_px: [f64; 2],
-    /// Coefficients of the lens: k1, k2, p1, p2, k3.
+    /// Distortion coefficients k1, k2, p1, p2, k3.
     pub distortion: [f64; 5],
 }
 
 impl Camera {
-    /// Refuses what is no camera.
+    /// Checks that all parameters are finite and within their ranges.
     ///
     /// # Errors
-    /// `Input`, which names the number.
+    /// `Input`, naming the parameter.
     pub fn check(&self) -> Result<()> {
         let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
         if !self.focal_px.iter().all(|f| (1.0..=1e7).contains(f)) {
@@ -45,8 +46,8 @@ impl Camera {
         Ok(())
     }
 
-    /// Pixel where a place in camera coordinates is seen; none when it is behind the camera, or so far out that the lens model folds
-    /// back.
+    /// Projects a point in camera coordinates to a pixel. `None` behind the camera, or beyond the angle at which the
+    /// distortion model folds back.
     pub fn project(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 2]> {
         if z <= 0.0 || !z.is_finite() {
             return None;
@@ -58,7 +59,7 @@ impl Camera {
         })
     }
 
-    /// Unit direction, in camera coordinates, that a pixel looks along; none where the lens model has none.
+    /// Unit direction of a pixel's ray in camera coordinates; `None` where the distortion model has no inverse.
     pub fn ray(&self, pixel: [f64; 2]) -> Option<[f64; 3]> {
         let seen = [0, 1].map(|k| (pixel[k] - self.center_px[k]) / self.focal_px[k]);
         let mut at = seen;
@@ -73,7 +74,7 @@ impl Camera {
             at[1] += (xx * dy - yx * dx) / determinant;
         }
         let found = self.bend(at).0;
-        // The comparisons are false for NaN.
+        // Comparisons with NaN are false.
         let near = (found[0] - seen[0]).hypot(found[1] - seen[1]) <= 1e3 * FOUND * (1.0 + seen[0].hypot(seen[1]));
         if !near || !self.unfolded(at) {
             return None;
@@ -82,12 +83,12 @@ impl Camera {
         Some([at[0] / length, at[1] / length, 1.0 / length])
     }
 
-    /// Where the lens puts a direction, and the derivative `[[xx, xy], [yx, yy]]` of that.
+    /// Distorted image coordinates of a direction, and their Jacobian `[[xx, xy], [yx, yy]]`.
     pub fn bend(&self, [x, y]: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let s = x * x + y * y;
         let radial = 1.0 + s * (k1 + s * (k2 + s * k3));
-        // d radial / ds, twice: ds/dx is 2x.
+        // 2 · d radial / ds, because ds/dx = 2x.
         let slope = 2.0 * (k1 + s * (2.0 * k2 + s * 3.0 * k3));
         let place = [
             x * radial + 2.0 * p1 * x * y + p2 * (s + 2.0 * x * x),
@@ -101,15 +102,16 @@ impl Camera {
         (place, derivative)
     }
 
-    /// Whether the image only grows with the angle, from the axis out to this direction: beyond, two directions share a pixel.
+    /// Whether the distorted radius increases monotonically from the axis out to this direction. Beyond a maximum, two
+    /// directions share a pixel.
     fn unfolded(&self, [x, y]: [f64; 2]) -> bool {
         let [k1, k2, _, _, k3] = self.distortion;
         let end = x * x + y * y;
-        // Derivative of r (1 + k1 r² + k2 r⁴ + k3 r⁶), over s = r².
+        // Derivative of r (1 + k1 r² + k2 r⁴ + k3 r⁶) by r, as a function of s = r².
         let growth = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
         let (a, b, c) = (21.0 * k3, 10.0 * k2, 3.0 * k1);
         let root = (b * b - 4.0 * a * c).sqrt();
-        // Extremes of that cubic; both forms of the root, so that neither loses its digits.
+        // Extrema of that cubic. Both forms of the root are used, so that neither suffers from cancellation.
         let extremes = [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a), 2.0 * c / (-b - root), 2.0 * c / (-b + root)];
         end.is_finite()
             && growth(end) > 0.0
@@ -183,7 +185,7 @@ mod tests {
 
     #[test]
     fn where_the_lens_folds_back_nothing_is_seen() {
-        // r (1 - 0.3 r²) is largest at r = 1.054, where it is 0.703.
+        // r (1 - 0.3 r²) has its maximum 0.703 at r = 1.054.
         let camera = Camera { focal_px: [100.0; 2], center_px: [0.0; 2], distortion: [-0.3, 0.0, 0.0, 0.0, 0.0] };
         assert!(camera.project([1.05, 0.0, 1.0]).is_some());
         assert_eq!(camera.project([1.06, 0.0, 1.0]), None);
@@ -191,7 +193,7 @@ mod tests {
         assert!(camera.ray([70.2, 0.0]).is_some());
         assert_eq!(camera.ray([70.4, 0.0]), None);
         assert_eq!(camera.ray([f64::NAN, 0.0]), None);
-        // It folds between 0.72 and 1.13, and grows again beyond.
+        // Decreases between 0.72 and 1.13 and increases again beyond.
         let camera = Camera { distortion: [-0.9, 0.3, 0.0, 0.0, 0.0], ..camera };
         assert!(camera.project([0.7, 0.0, 1.0]).is_some());
         assert_eq!(camera.project([2.5, 0.0, 1.0]), None);

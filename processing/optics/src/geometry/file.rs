@@ -1,4 +1,4 @@
-//! `geometry.json`. It may come from anywhere, so nothing in it is trusted.
+//! The file `geometry.json`. It may come from anywhere, so all its values are checked.
 
 use super::Geometry;
 use nacre_base::text::{from_json, read_text};
@@ -6,16 +6,16 @@ use nacre_base::write_whole;
 use nacre_base::{Error, Result};
 use std::path::Path;
 
-/// Largest file that is read; a geometry needs about 2 KiB.
+/// Largest file in bytes; a geometry needs about 2 KiB.
 const MAX_BYTES: u64 = 1 << 20;
 
 const REMEDY: &str =
     "give a geometry.json as `nacre calibrate geometry` writes it; `nacre schema geometry` prints what is allowed";
 
-/// The geometry that lies beside photographs.
+/// Name of the geometry file in a folder of photographs.
 const NAME: &str = "geometry.json";
 
-/// The geometry in the folder of photographs, if there is one.
+/// Loads the geometry in a folder of photographs; `None` without a file.
 ///
 /// # Errors
 /// As [`load`].
@@ -24,19 +24,19 @@ pub fn beside(folder: &Path) -> Result<Option<Geometry>> {
     if path.is_file() { load(&path).map(Some) } else { Ok(None) }
 }
 
-/// Reads and checks a geometry.
+/// Reads and checks a geometry file.
 ///
 /// # Errors
-/// `Input`, naming the file and the key, for anything that cannot be used: unknown keys too.
+/// `Input`, naming the file and the key. Unknown keys are errors too.
 pub fn load(path: &Path) -> Result<Geometry> {
     let text = read_text(path, MAX_BYTES, REMEDY)?;
     parse(&text).map_err(|problem| Error::file(path, problem, REMEDY))
 }
 
-/// Reads and checks the text of a geometry.
+/// Parses and checks the text of a geometry file.
 ///
 /// # Errors
-/// What is wrong, naming the key.
+/// A description of the problem, naming the key.
 pub fn parse(text: &str) -> std::result::Result<Geometry, String> {
     let geometry: Geometry = from_json(text)?;
     match geometry.check() {
@@ -46,16 +46,16 @@ pub fn parse(text: &str) -> std::result::Result<Geometry, String> {
     }
 }
 
-/// Writes a geometry, whole or not at all; a file that is there is replaced.
+/// Writes a geometry file atomically, replacing an existing one.
 ///
 /// # Errors
-/// `Input` when [`load`] would refuse it, `Output` when the system refuses.
+/// `Input` if [`load`] would refuse the file, `Output` if the system refuses to write it.
 pub fn save(geometry: &Geometry, path: &Path) -> Result<()> {
     geometry.check()?;
     write_whole(path, text(geometry).as_bytes())
 }
 
-/// Text of a geometry: a key a line, as far as that reads well.
+/// JSON text of a geometry, one key per line.
 pub fn text(geometry: &Geometry) -> String {
     // Serialising plain data with string keys cannot fail.
     let value = serde_json::to_value(geometry).unwrap_or_default();
@@ -64,7 +64,7 @@ pub fn text(geometry: &Geometry) -> String {
     out + "\n"
 }
 
-/// Objects with a key a line, lists on one.
+/// Writes objects with one key per line, and lists on one line.
 fn put(out: &mut String, value: &serde_json::Value, depth: usize) {
     let Some(object) = value.as_object().filter(|o| !o.is_empty()) else {
         out.push_str(&value.to_string().replace(',', ", "));

@@ -1,12 +1,14 @@
-//! Where camera, sample, panel and light are, in mm: what turns pixels into half vectors, and half vectors into periods.
+//! Geometry of camera, sample, panel and light in mm: half vectors of pixels, and periods from half vectors.
 //!
-//! Sample coordinates: origin in the middle of the sample, x right and y up as the camera sees it, z out of the surface, which is the
-//! plane z = 0. A camera that looks straight down from 500 mm has the pose `R = diag(1, -1, -1)`, `t = (0, 0, 500)`. Panel
-//! coordinates: origin in the middle of the panel, x right and y up as one sees its lit side upright, z out of the lit side.
+//! Sample coordinates: origin in the middle of the sample, x right and y up as seen by the camera, z out of the
+//! surface. The surface is the plane z = 0. A camera that looks straight down from 500 mm has the pose
+//! `R = diag(1, -1, -1)`, `t = (0, 0, 500)`. Panel coordinates: origin in the middle of the panel, x right and y up for
+//! a viewer of its upright lit side, z out of the lit side.
 //!
-//! For a place p, the camera at c and the light at l, `ωo = (c - p)/|c - p|`, `ωi = (l - p)/|l - p|`; a grating of orientation θ and
-//! period a lights up in its order n where the tangent part of `ωi + ωo` is `n λ/a (cos θ, sin θ)` (2018 paper, Eq. 3, with the
-//! half vector in place of the direction towards the highlight).
+//! For a surface point p, the camera at c and the light at l, `ωo = (c - p)/|c - p|` and `ωi = (l - p)/|l - p|`. A
+//! grating of orientation θ and period a sends its order n to the camera if the tangential part of `ωi + ωo` is
+//! `n λ/a (cos θ, sin θ)`. This is the 2018 paper's Eq. 3 with the half vector in place of the direction towards the
+//! highlight.
 
 mod camera;
 mod file;
@@ -22,85 +24,85 @@ use nacre_base::{Error, Result, Version};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Where everything is.
+/// Positions of camera, sample, panel and light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Geometry {
     /// Version of the format.
     #[serde(default)]
     pub version: Version<1>,
-    /// The camera.
+    /// Camera model.
     pub camera: Camera,
-    /// From sample to camera coordinates.
+    /// Transform from sample to camera coordinates.
     pub sample: Pose,
-    /// The panel, where there is one.
+    /// Panel, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub panel: Option<Panel>,
-    /// The light (a flash), in sample coordinates, in mm.
+    /// Position of the light (a flash) in sample coordinates, in mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_mm: Option<[f64; 3]>,
-    /// Wavelength that the band of light, filter and camera together stands for, in nm.
+    /// Effective wavelength of the band of light source, filter and camera, in nm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
-    /// Width and height of the photographs that this holds for, in pixels.
+    /// Width and height in pixels of the photographs to which this geometry applies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_px: Option<[u32; 2]>,
-    /// Whether lengths are known only up to a common factor and a camera without a lens was taken for granted: periods that follow are
-    /// relative.
+    /// Whether lengths are known up to a common factor only, with an assumed distortion-free camera. Periods are
+    /// relative then.
     #[serde(default)]
     pub relative: bool,
-    /// How far all this may be off.
+    /// Standard deviations.
     #[serde(default)]
     pub sigma: Uncertainty,
 }
 
-/// A flat display.
+/// Flat display.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Panel {
-    /// From panel to sample coordinates.
+    /// Transform from panel to sample coordinates.
     pub pose: Pose,
     /// Width and height of a pixel, in mm.
     pub pixel_mm: [f64; 2],
-    /// Pixels per row and per column.
+    /// Number of pixels per row and per column.
     pub size_px: [u32; 2],
 }
 
-/// Standard deviations; what is none is not known (it is not zero).
+/// Standard deviations; an absent value is unknown, not zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Uncertainty {
-    /// Of the focal lengths, in px.
+    /// Focal lengths, in pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub focal_px: Option<[f64; 2]>,
-    /// Of the place of the optical axis, in px.
+    /// Principal point, in pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub center_px: Option<[f64; 2]>,
-    /// Of the lens's coefficients.
+    /// Distortion coefficients.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distortion: Option<[f64; 5]>,
-    /// Of the sample's turn about the axes of the camera, in degrees.
+    /// Rotation of the sample about the axes of the camera, in degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sample_turn_deg: Option<[f64; 3]>,
-    /// Of the sample's place in camera coordinates, in mm.
+    /// Position of the sample in camera coordinates, in mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sample_mm: Option<[f64; 3]>,
-    /// Of the panel's turn about the axes of the sample, in degrees.
+    /// Rotation of the panel about the axes of the sample, in degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub panel_turn_deg: Option<[f64; 3]>,
-    /// Of the panel's middle in sample coordinates, in mm.
+    /// Centre of the panel in sample coordinates, in mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub panel_mm: Option<[f64; 3]>,
-    /// Of the light's place in sample coordinates, in mm.
+    /// Position of the light in sample coordinates, in mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light_mm: Option<[f64; 3]>,
-    /// Of the wavelength, in nm.
+    /// Wavelength, in nm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
 }
 
 impl Geometry {
-    /// A camera over a sample, and nothing else known.
+    /// Geometry of a camera over a sample; everything else is unknown.
     pub fn new(camera: Camera, sample: Pose) -> Self {
         Self {
             version: Version,
@@ -115,7 +117,8 @@ impl Geometry {
         }
     }
 
-    /// Place on the sample, in sample coordinates (z = 0), that a pixel shows; none when it looks past the sample's plane.
+    /// Intersection of a pixel's ray with the surface (z = 0), in sample coordinates; `None` if the ray misses the
+    /// plane.
     pub fn point(&self, pixel: [f64; 2]) -> Option<[f64; 3]> {
         let back = self.sample.inverse();
         let (from, along) = (back.translation_mm, back.turn(self.camera.ray(pixel)?));
@@ -123,18 +126,18 @@ impl Geometry {
         (steps > 0.0 && steps.is_finite()).then(|| [from[0] + steps * along[0], from[1] + steps * along[1], 0.0])
     }
 
-    /// Pixel that shows a place in sample coordinates; none when the camera cannot see it.
+    /// Pixel of a point in sample coordinates; `None` if the camera cannot see it.
     pub fn pixel(&self, place: [f64; 3]) -> Option<[f64; 2]> {
         self.camera.project(self.sample.apply(place))
     }
 
-    /// The camera, in sample coordinates, in mm.
+    /// Position of the camera in sample coordinates, in mm.
     pub fn viewer(&self) -> [f64; 3] {
         self.sample.inverse().translation_mm
     }
 
-    /// Tangent part of `ωi + ωo` at a place, for a light at another (both in sample coordinates): `n λ/a` along the grating vector of
-    /// what lights up there.
+    /// Tangential part of `ωi + ωo` at a surface point for a light position, both in sample coordinates. A grating
+    /// whose order n reaches the camera has `n λ/a` along its grating vector.
     pub fn half(&self, place: [f64; 3], light: [f64; 3]) -> [f64; 2] {
         let towards = |far: [f64; 3]| {
             let d = [0, 1, 2].map(|k| far[k] - place[k]);
@@ -145,15 +148,15 @@ impl Geometry {
         [o[0] + i[0], o[1] + i[1]]
     }
 
-    /// Refuses what cannot be: lengths out of range, no rotation, camera, panel or light below the surface.
+    /// Checks lengths, rotations, camera and panel, and that panel and light are above the surface.
     ///
     /// # Errors
-    /// `Input`, which names the number.
+    /// `Input`, naming the value.
     pub fn check(&self) -> Result<()> {
         let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
         self.camera.check()?;
         self.sample.check("sample")?;
-        // A hundredth of a millimetre, so that no division below comes near zero.
+        // A minimum of 0.01 mm keeps divisions away from zero.
         let above = |what: &str, place: [f64; 3]| match place[2] {
             z if z >= 0.01 => Ok(()),
             z => bad(what, format!("is {z:.3} mm above the sample"), "sample coordinates have z out of the surface"),
@@ -185,16 +188,17 @@ impl Geometry {
 }
 
 impl Panel {
-    /// Place of a pixel (column, row; centres at integers, row 0 on top) in sample coordinates, in mm.
+    /// Position of a panel pixel in sample coordinates, in mm. Pixels are (column, row), with centres at integers and
+    /// row 0 on top.
     pub fn at(&self, pixel: [f64; 2]) -> [f64; 3] {
         let [x, y] = [0, 1].map(|k| (pixel[k] - 0.5 * (f64::from(self.size_px[k]) - 1.0)) * self.pixel_mm[k]);
         self.pose.apply([x, -y, 0.0])
     }
 
-    /// Refuses what is no panel.
+    /// Checks pixel sizes, resolution and pose.
     ///
     /// # Errors
-    /// `Input`, which names the number.
+    /// `Input`, naming the value.
     pub fn check(&self) -> Result<()> {
         self.pose.check("panel.pose")?;
         if !self.pixel_mm.iter().all(|p| (1e-4..=100.0).contains(p)) {

@@ -1,71 +1,71 @@
-//! A rigid motion.
+//! Rigid transforms.
 
 use nacre_base::{Error, Result};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How far a rotation may be from one, as it is read from a file.
+/// Tolerance of the orthogonality of rotations that are read from files.
 const CROOKED: f64 = 1e-6;
 
-/// A turn and then a shift: `q = R p + t`.
+/// Rigid transform `q = R p + t`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Pose {
-    /// R, row by row.
+    /// Rotation matrix R, row by row.
     pub rotation: [[f64; 3]; 3],
-    /// t, in mm.
+    /// Translation t in mm.
     pub translation_mm: [f64; 3],
 }
 
 impl Pose {
-    /// What leaves all as it is.
+    /// Identity transform.
     pub const IDENTITY: Self =
         Self { rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], translation_mm: [0.0; 3] };
 
-    /// A turn about a vector by its length in radians (Rodrigues), then a shift in mm.
+    /// Creates a transform from a rotation vector (axis times angle in rad, Rodrigues) and a translation in mm.
     pub fn from_rotation_vector(vector: [f64; 3], translation_mm: [f64; 3]) -> Self {
         Self::of(*Rotation3::from_scaled_axis(Vector3::from(vector)).matrix(), translation_mm)
     }
 
-    /// The vector about which, and by whose length in radians (at most π), this turns.
+    /// Rotation vector: axis times angle in rad (at most π).
     pub fn rotation_vector(&self) -> [f64; 3] {
-        // From a matrix that is a rotation but for rounding.
+        // The matrix is a rotation within rounding.
         let matrix = Rotation3::from_matrix_unchecked(self.matrix());
         let quaternion = nalgebra::UnitQuaternion::from_rotation_matrix(&matrix);
         quaternion.scaled_axis().into()
     }
 
-    /// Where a place goes.
+    /// Transforms a point.
     pub fn apply(&self, place: [f64; 3]) -> [f64; 3] {
         let turned = self.turn(place);
         [0, 1, 2].map(|k| turned[k] + self.translation_mm[k])
     }
 
-    /// Where a direction goes: the turn only.
+    /// Rotates a direction.
     pub fn turn(&self, direction: [f64; 3]) -> [f64; 3] {
         self.rotation.map(|row| row[0] * direction[0] + row[1] * direction[1] + row[2] * direction[2])
     }
 
-    /// What undoes this.
+    /// Inverse transform.
     pub fn inverse(&self) -> Self {
         let back = self.matrix().transpose();
         Self::of(back, (-(back * Vector3::from(self.translation_mm))).into())
     }
 
-    /// This first, and then the next.
+    /// Composition: this transform, followed by `next`.
     pub fn then(&self, next: &Self) -> Self {
         Self::of(next.matrix() * self.matrix(), next.apply(self.translation_mm))
     }
 
-    /// Refuses what is no rigid motion within 1 km.
+    /// Checks that this is a rigid transform with a translation of at most 1 km.
     ///
     /// # Errors
-    /// `Input` about `what`.
+    /// `Input`, naming `what`.
     pub fn check(&self, what: &str) -> Result<()> {
         let matrix = self.matrix();
         let crooked = (matrix * matrix.transpose() - Matrix3::identity()).amax();
-        // Not below: NaN as well.
+        // Written so that NaN is refused as well.
         if !(crooked < CROOKED && matrix.determinant() > 0.0) {
             let remedy = "give three perpendicular rows of length 1, right-handed";
             return Err(Error::input(format!("{what}.rotation"), "is no rotation", remedy));
@@ -77,12 +77,12 @@ impl Pose {
         Ok(())
     }
 
-    /// Pose of a rotation matrix and a translation in mm.
+    /// Creates a transform from a rotation matrix and a translation in mm.
     pub fn of(matrix: Matrix3<f64>, translation_mm: [f64; 3]) -> Self {
         Self { rotation: [0, 1, 2].map(|r| [0, 1, 2].map(|c| matrix[(r, c)])), translation_mm }
     }
 
-    /// The rotation as a matrix.
+    /// Rotation as a matrix.
     pub fn matrix(&self) -> Matrix3<f64> {
         Matrix3::from_fn(|r, c| self.rotation[r][c])
     }
@@ -121,7 +121,7 @@ mod tests {
             (0..3).for_each(|k| near(pose.rotation[k], again.rotation[k]));
             near(pose.rotation_vector(), vector);
         }
-        // A half turn has two.
+        // A rotation by π has two rotation vectors.
         let flip = Pose { rotation: [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]], ..Pose::IDENTITY };
         near(flip.rotation_vector().map(f64::abs), [PI, 0.0, 0.0]);
     }

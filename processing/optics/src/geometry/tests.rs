@@ -1,7 +1,7 @@
 use super::*;
 use std::f64::consts::PI;
 
-/// A camera straight above the sample, with a light to its right.
+/// Camera perpendicularly above the sample, light to the right.
 fn upright() -> Geometry {
     let camera = Camera { focal_px: [2000.0; 2], center_px: [499.5, 399.5], distortion: [0.0; 5] };
     let down = Pose::from_rotation_vector([PI, 0.0, 0.0], [0.0, 0.0, 500.0]);
@@ -17,7 +17,7 @@ fn the_camera_sees_x_to_the_right_and_y_upwards() {
     let geometry = upright();
     near(&geometry.viewer(), &[0.0, 0.0, 500.0], 1e-9);
     near(&geometry.point([499.5, 399.5]).unwrap(), &[0.0, 0.0, 0.0], 1e-9);
-    // 40 px at 2000 px and 500 mm are 10 mm; up is a smaller row.
+    // 40 px at 2000 px and 500 mm are 10 mm; y increases towards smaller rows.
     near(&geometry.point([539.5, 399.5 - 80.0]).unwrap(), &[10.0, 20.0, 0.0], 1e-9);
     near(&geometry.pixel([10.0, 20.0, 0.0]).unwrap(), &[539.5, 319.5], 1e-9);
 }
@@ -25,11 +25,11 @@ fn the_camera_sees_x_to_the_right_and_y_upwards() {
 #[test]
 fn half_vectors_follow_from_triangles() {
     let geometry = upright();
-    // From the middle the light is a 3-4-5 triangle away and the camera straight above.
+    // Seen from the middle, the light lies at the end of a 3-4-5 triangle and the camera straight above.
     near(&geometry.half([0.0; 3], [300.0, 0.0, 400.0]), &[0.6, 0.0], 1e-9);
-    // At the mirror point of a light over (0, 100), as high as the camera, there is none.
+    // The half vector vanishes at the mirror point of a light over (0, 100) at the camera's height.
     near(&geometry.half([0.0, 50.0, 0.0], [0.0, 100.0, 500.0]), &[0.0, 0.0], 1e-9);
-    // Camera 30° off on the left of the place, light 30° off below it: sines 0.5 each.
+    // Camera 30° to the left of the point, light 30° below it: both sines are 0.5.
     let tan = 1.0 / 3.0_f64.sqrt();
     let place = [500.0 * tan, 0.0, 0.0];
     near(&geometry.half(place, [place[0], -300.0 * tan, 300.0]), &[-0.5, -0.5], 1e-9);
@@ -37,14 +37,14 @@ fn half_vectors_follow_from_triangles() {
 
 #[test]
 fn a_tilted_camera_looks_past_the_sample_above_its_horizon() {
-    // Turned by 80° from straight down: the horizon is 10° above the axis.
+    // Tilted by 80° from straight down: the horizon is 10° above the axis.
     let camera = Camera { focal_px: [100.0; 2], center_px: [0.0; 2], distortion: [0.0; 5] };
     let pose = Pose::from_rotation_vector([PI - 80.0_f64.to_radians(), 0.0, 0.0], [0.0, 0.0, 500.0]);
     let geometry = Geometry::new(camera, pose);
     let horizon = -100.0 * 10.0_f64.to_radians().tan();
     assert!(geometry.point([0.0, horizon + 0.1]).is_some());
     assert_eq!(geometry.point([0.0, horizon - 0.1]), None);
-    // The axis still meets the middle, where the viewer is 500 mm away under 80°.
+    // The axis still passes through the origin, seen from 500 mm at an angle of 80°.
     near(&geometry.point([0.0, 0.0]).unwrap(), &[0.0; 3], 1e-9);
     let (sin, cos) = 80.0_f64.to_radians().sin_cos();
     near(&geometry.viewer().map(f64::abs), &[0.0, 500.0 * sin, 500.0 * cos], 1e-9);
@@ -52,7 +52,7 @@ fn a_tilted_camera_looks_past_the_sample_above_its_horizon() {
 
 #[test]
 fn panel_pixels_count_from_the_top_left_of_the_lit_side() {
-    // It hangs face down 200 mm above the sample, its bottom towards the bottom of the sample: seen from below, x goes left.
+    // The panel faces down 200 mm above the sample, both bottoms on the same side. Seen from below, its x points left.
     let pose =
         Pose { rotation: [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]], translation_mm: [5.0, 0.0, 200.0] };
     let panel = Panel { pose, pixel_mm: [0.25, 0.5], size_px: [5, 3] };

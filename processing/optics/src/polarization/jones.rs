@@ -1,4 +1,5 @@
-//! Jones calculus: fully polarized light as two complex amplitudes (x, y) in the sample's plane, seen by the camera.
+//! Jones calculus: fully polarized light as two complex amplitudes (x, y) in the plane of the sample, as seen by the
+//! camera.
 
 use super::Stokes;
 use num_complex::Complex;
@@ -7,34 +8,34 @@ use num_complex::Complex;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JonesVector(pub [Complex<f64>; 2]);
 
-/// A linear optical element: `E_out = M · E_in`, row-major.
+/// Jones matrix of a linear optical element: `E_out = M · E_in`, row-major.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jones(pub [[Complex<f64>; 2]; 2]);
 
 const ZERO: Complex<f64> = Complex::new(0.0, 0.0);
 
 impl JonesVector {
-    /// Linear polarization of unit intensity at `angle` (rad, anticlockwise from x).
+    /// Linearly polarized light of unit intensity at `angle` (rad, anticlockwise from x).
     pub fn linear(angle: f64) -> Self {
         Self([Complex::from(angle.cos()), Complex::from(angle.sin())])
     }
 
-    /// The light of the paper's ideal source, `e = (1, -i)` (2018 paper, Eq. 4): circular, intensity 2.
+    /// Circularly polarized light of the ideal source, `e = (1, -i)`, intensity 2 (2018 paper, Eq. 4).
     pub fn circular() -> Self {
         Self([Complex::from(1.0), Complex::new(0.0, -1.0)])
     }
 
-    /// Sum of two fields that interfere.
+    /// Coherent sum of two fields.
     pub fn plus(self, other: Self) -> Self {
         Self([self.0[0] + other.0[0], self.0[1] + other.0[1]])
     }
 
-    /// Field scaled by a complex amplitude.
+    /// Field multiplied by a complex amplitude.
     pub fn scaled(self, factor: Complex<f64>) -> Self {
         Self(self.0.map(|e| e * factor))
     }
 
-    /// Stokes parameters of this field: `S1 = |Ex|² - |Ey|²`, `S2 = 2 Re(Ex Ey*)`, `S3 = -2 Im(Ex Ey*)`.
+    /// Stokes parameters: `S1 = |Ex|² - |Ey|²`, `S2 = 2 Re(Ex Ey*)`, `S3 = -2 Im(Ex Ey*)`.
     pub fn stokes(self) -> Stokes {
         let [x, y] = self.0;
         let cross = x * y.conj();
@@ -48,24 +49,25 @@ impl JonesVector {
 }
 
 impl Jones {
-    /// Acts on x and y apart.
+    /// Diagonal matrix: independent factors for x and y.
     pub fn diagonal(x: Complex<f64>, y: Complex<f64>) -> Self {
         Self([[x, ZERO], [ZERO, y]])
     }
 
-    /// Rotation of the frame: components of a vector along axes turned by `angle` (rad, anticlockwise).
+    /// Rotation of the frame: components along axes rotated by `angle` (rad, anticlockwise).
     pub fn rotation(angle: f64) -> Self {
         let (s, c) = angle.sin_cos();
         Self([[c.into(), s.into()], [(-s).into(), c.into()]])
     }
 
-    /// The same element with its axes turned by `angle`: `R(-angle) · M · R(angle)`.
+    /// Element rotated by `angle` (rad): `R(-angle) · M · R(angle)`.
     pub fn turned(self, angle: f64) -> Self {
         Self::rotation(-angle).after(self).after(Self::rotation(angle))
     }
 
-    /// Linear retarder with its axis at `axis` that delays the other axis by `retardance` (both rad);
-    /// `diag(1, e^{iΔ})` of the 2018 paper's Eq. 6.
+    /// Linear retarder with its axis at `axis` that delays the perpendicular component by `retardance` (both rad).
+    ///
+    /// This is `diag(1, e^{iΔ})` of the 2018 paper's Eq. 6.
     pub fn retarder(axis: f64, retardance: f64) -> Self {
         Self::diagonal(1.0.into(), Complex::from_polar(1.0, retardance)).turned(axis)
     }
@@ -75,18 +77,19 @@ impl Jones {
         Self::diagonal(1.0.into(), ZERO).turned(axis)
     }
 
-    /// A grating whose vector points along `orientation` (rad): `diag(-1, R)` in its own frame (2018 paper, Eq. 6).
+    /// Grating with its grating vector along `orientation` (rad): `diag(-1, R)` in its principal frame (2018 paper, Eq.
+    /// 6).
     pub fn grating(orientation: f64, ratio: Complex<f64>) -> Self {
         Self::diagonal((-1.0).into(), ratio).turned(orientation)
     }
 
-    /// `self · first`: light passes `first`, then `self`.
+    /// Product `self · first`: light passes `first`, then `self`.
     pub fn after(self, first: Self) -> Self {
         let (a, b) = (self.0, first.0);
         Self(std::array::from_fn(|i| std::array::from_fn(|j| a[i][0] * b[0][j] + a[i][1] * b[1][j])))
     }
 
-    /// The field behind the element.
+    /// Field behind the element.
     pub fn apply(self, field: JonesVector) -> JonesVector {
         JonesVector(self.0.map(|row| row[0] * field.0[0] + row[1] * field.0[1]))
     }
@@ -112,7 +115,7 @@ mod tests {
         }
     }
 
-    /// The closed form of the paper (Eq. 9): no film, grating at 0, light e = (1, -i).
+    /// The paper's closed form (Eq. 9): no film, grating orientation 0, light e = (1, -i).
     #[test]
     fn grating_without_film_gives_equation_9() {
         for (r, zeta) in [(1.1, 0.8), (0.3, 2.0), (40.0, -1.0)] {

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What the sample is made of: a transparent film on metal.
+/// Materials of the sample: a transparent film on metal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Material {
@@ -11,7 +11,7 @@ pub struct Material {
     pub film_index: f64,
     /// Refractive index of the metal.
     pub metal_n: f64,
-    /// Its extinction coefficient.
+    /// Extinction coefficient of the metal.
     pub metal_k: f64,
 }
 
@@ -24,7 +24,7 @@ impl Default for Material {
 }
 
 impl Material {
-    /// What is wrong with the numbers, if anything is.
+    /// Message about values out of range; `None` if all are valid.
     pub fn problem(&self) -> Option<&'static str> {
         let good = (1.0..=4.0).contains(&self.film_index)
             && (1e-3..=20.0).contains(&self.metal_n)

@@ -1,17 +1,17 @@
-//! Stokes parameters: intensities that fully describe polarization, partial polarization included.
+//! Stokes parameters of fully or partially polarized light.
 
 use std::ops::{Add, Mul};
 
-/// Stokes parameters of light; x is image right, y image up, angles anticlockwise as the camera sees them.
+/// Stokes parameters. x is image right, y image up; angles are anticlockwise as seen by the camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stokes {
     /// Total intensity.
     pub s0: f64,
-    /// Intensity along x minus along y.
+    /// Intensity along x minus intensity along y.
     pub s1: f64,
-    /// Intensity along +45° minus along -45°.
+    /// Intensity along +45° minus intensity along -45°.
     pub s2: f64,
-    /// Circular part.
+    /// Circular component.
     pub s3: f64,
 }
 
@@ -31,7 +31,7 @@ impl Stokes {
         (0.5 * self.s2.atan2(self.s1)).rem_euclid(std::f64::consts::PI)
     }
 
-    /// Degree of linear polarization, 0 to 1 (0 for no light).
+    /// Degree of linear polarization, 0 to 1; 0 without light.
     pub fn dolp(self) -> f64 {
         if self.s0 > 0.0 { self.s1.hypot(self.s2) / self.s0 } else { 0.0 }
     }

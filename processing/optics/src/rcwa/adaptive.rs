@@ -1,56 +1,56 @@
-//! The cheapest setting that meets a requested error.
+//! Choice of the cheapest setting that meets a requested error.
 
 use super::{Grating, Light, Order, Orders, Polarization, coordinates, slices};
 use nacre_base::{Error, Result};
 use std::f64::consts::TAU;
 
-/// Harmonics beyond the depth in radians to begin with, and how many more each try takes.
+/// Initial number of harmonics beyond the phase depth in rad, and increment per step.
 const FIRST: usize = 3;
 const MORE: usize = 2;
-/// Most harmonics of either method: beyond, rounding grows faster than the error falls.
+/// Largest number of harmonics of either method. Beyond, rounding errors grow faster than truncation errors fall.
 const MOST: usize = 36;
 
-/// A method with its knobs.
+/// Solver and its numerical settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Coordinates that follow the surface.
+    /// Coordinate (Chandezon) method.
     Coordinates {
-        /// Coupled waves are `2·harmonics + 1`.
+        /// Number of harmonics; `2·harmonics + 1` waves are coupled.
         harmonics: usize,
     },
-    /// Staircase.
+    /// Rigorous coupled-wave analysis of a staircase.
     Slices {
-        /// Coupled waves are `2·harmonics + 1`.
+        /// Number of harmonics; `2·harmonics + 1` waves are coupled.
         harmonics: usize,
         /// Number of slices.
         count: usize,
     },
 }
 
-/// Orders with the setting that gave them.
+/// Diffraction orders with the setting by which they were computed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     /// All propagating orders.
     pub orders: Orders,
-    /// The setting that was used.
+    /// Solver and settings.
     pub method: Method,
-    /// Largest change of a reflected amplitude from the next cheaper setting: an upper bound while the error at least
-    /// halves from one to the next.
+    /// Predicted error: the largest change of a reflected amplitude from the next cheaper setting. It is an upper bound
+    /// while each step at least halves the error.
     pub predicted_error: f64,
 }
 
 impl Solution {
-    /// A reflected order; no light when it does not propagate.
+    /// Reflected order `m`; zero amplitude if it does not propagate.
     pub fn reflected(&self, m: i32) -> Order {
         self.orders.reflected(m)
     }
 }
 
 impl Method {
-    /// Runs the method.
+    /// Solves the diffraction problem with this setting.
     ///
     /// # Errors
-    /// As [`coordinates`] and [`slices`].
+    /// As [`coordinates()`] and [`slices()`].
     pub fn run(self, grating: &Grating, light: &Light, polarization: Polarization) -> Result<Orders> {
         match self {
             Self::Coordinates { harmonics } => coordinates(grating, light, polarization, harmonics),
@@ -59,18 +59,18 @@ impl Method {
     }
 }
 
-/// Diffraction with amplitudes good to `max_error` (absolute; the incident amplitude is 1).
+/// Solves for amplitudes with errors of at most `max_error` (absolute; the incident amplitude is 1).
 ///
-/// Settings are tried from the cheapest on: the coordinate method with ever more harmonics, because on a smooth
-/// profile its error falls exponentially; then, for profiles too steep for it, the staircase. In TM on metal the
-/// staircase is not asked: its error is some percent, falls unevenly, and so cannot be predicted (its corners carry
-/// fields that the smooth surface has not).
+/// The coordinate method is tried first, with an increasing number of harmonics: its error falls exponentially for a
+/// smooth profile. The staircase follows for profiles that are too steep. It is not used for TM on metal, where its
+/// error of several per cent falls unevenly and cannot be predicted. There its corners carry fields that the smooth
+/// surface does not have.
 ///
 /// # Errors
-/// Numbers that are not physical; an error that no setting reaches, with the best one that was.
+/// `Input` for unphysical parameters, or if no setting reaches `max_error`; the message states the smallest error.
 pub fn solve(grating: &Grating, light: &Light, polarization: Polarization, max_error: f64) -> Result<Solution> {
     super::check(grating, light)?;
-    // A phase screen of this depth (rad) has that many orders that matter, and a few more.
+    // Number of significant orders of a phase screen of this depth (rad).
     let depth = TAU * grating.above * grating.depth_um * 1000.0 / light.wavelength_nm;
     let first = FIRST + (depth.ceil() as usize).min(MOST - FIRST - MORE);
     let run = |method: Method| method.run(grating, light, polarization);
@@ -94,7 +94,7 @@ pub fn solve(grating: &Grating, light: &Light, polarization: Polarization, max_e
     ))
 }
 
-/// The first solution that is good enough, or the smallest error predicted.
+/// First solution that meets the error, or the smallest predicted error.
 enum Found {
     Enough(Solution),
     Best(f64),
@@ -103,7 +103,7 @@ enum Found {
 fn climb(settings: impl Iterator<Item = Method>, max_error: f64, run: impl Fn(Method) -> Result<Orders>) -> Found {
     let (mut last, mut best): (Option<Orders>, f64) = (None, f64::INFINITY);
     for method in settings {
-        // A setting that fails is no answer; the next may be one.
+        // A setting that fails is skipped; the next one may succeed.
         let Ok(orders) = run(method) else { continue };
         let predicted_error = last.as_ref().map_or(f64::INFINITY, |last| change(last, &orders));
         if predicted_error <= max_error {
@@ -115,7 +115,7 @@ fn climb(settings: impl Iterator<Item = Method>, max_error: f64, run: impl Fn(Me
     Found::Best(best)
 }
 
-/// Largest difference of a reflected amplitude.
+/// Largest difference of the reflected amplitudes.
 fn change(a: &Orders, b: &Orders) -> f64 {
     b.reflected.iter().map(|o| (o.amplitude - a.reflected(o.m).amplitude).norm()).fold(0.0, f64::max)
 }

@@ -1,4 +1,5 @@
-//! Perfect conductors of any smooth cross-section: plane waves above, matched in least squares on the surface.
+//! Perfect conductors of any smooth cross-section: outgoing plane waves, fitted to the boundary condition by least
+//! squares.
 
 use super::{ALUMINIUM, Grating, I, Light, Orders, Polarization, Waves, check};
 use nacre_base::{Error, Result};
@@ -6,18 +7,19 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 use std::f64::consts::TAU;
 
-/// Points of the surface for each plane wave.
+/// Surface points per plane wave.
 const POINTS: usize = 4;
 
-/// Diffraction by a perfect conductor with `h(x) = Σ aₖ cos(2πkx/Λ) + bₖ sin(2πkx/Λ)`, `(aₖ, bₖ)` in µm from k = 1 on, by `2·harmonics + 1`
-/// plane waves.
+/// Solves for a perfect conductor with `h(x) = Σ aₖ cos(2πkx/Λ) + bₖ sin(2πkx/Λ)` and `2·harmonics + 1` plane waves.
+/// `(aₖ, bₖ)` are in µm, from k = 1 on.
 ///
-/// Outgoing waves, those that decay included, are complete on the surface in the sense of least squares (Millar 1973), whether or not
-/// Rayleigh's hypothesis holds; the field along the grooves (TE) or its normal derivative (TM) is made as small there as they can. The conductor
-/// loses nothing: how far [`Orders::total`] is from 1 tells the error.
+/// Outgoing and evanescent waves are complete on the surface in the least-squares sense (Millar 1973), even where
+/// Rayleigh's hypothesis does not hold. The fit minimises the field along the grooves (TE) or its normal derivative
+/// (TM) on the surface. A perfect conductor does not absorb, so the error shows as the deviation of [`Orders::total`]
+/// from 1.
 ///
 /// # Errors
-/// Numbers that are not physical.
+/// `Input` for unphysical parameters.
 pub fn conductor(
     series: &[[f64; 2]],
     period_um: f64,
@@ -33,7 +35,7 @@ pub fn conductor(
     let waves = Waves::new(&grating, light, polarization, harmonics)?;
     let points = POINTS * waves.count().max(8 * series.len());
     let k0 = TAU / (light.wavelength_nm / 1000.0);
-    // In units of the wave number: phase, height and slope.
+    // Phase, height and slope, in units of the wave number.
     let surface: Vec<[f64; 3]> = (0..points)
         .map(|i| {
             let phase = TAU * i as f64 / points as f64;
@@ -47,7 +49,7 @@ pub fn conductor(
         })
         .collect();
     let top = surface.iter().fold(0.0_f64, |top, at| top.max(at[1].abs()));
-    // Waves that decay are scaled to 1 where they are largest.
+    // Evanescent waves are scaled to 1 at their maximum.
     let wave = |alpha: f64, q: Complex<f64>, [phase, height, slope]: [f64; 3]| {
         let field = (I * alpha * (phase / waves.grating) + I * q * height - q.im * top).exp();
         match polarization {

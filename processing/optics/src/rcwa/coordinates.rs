@@ -1,4 +1,4 @@
-//! Coordinates that follow the surface: Chandezon's method.
+//! Coordinate-transformation (Chandezon) method.
 
 use super::eigen::eigen;
 use super::{Grating, I, Light, ONE, Orders, Waves, ZERO, propagates};
@@ -9,15 +9,15 @@ use std::f64::consts::PI;
 
 type Matrix = DMatrix<Complex<f64>>;
 
-/// Diffraction by the smooth profile, with `2·harmonics + 1` coupled waves.
+/// Solves for the smooth profile with `2·harmonics + 1` coupled waves.
 ///
-/// With `u = z - h(x)` Helmholtz's equation becomes `(α² - ρ(αh' + h'α) + ρ²(1 + h'h') - k²) f = 0` for modes
-/// `f(x)·exp(iρu)`: one eigenproblem of twice the size per medium, and the boundary is the plane u = 0 (Chandezon et al.
-/// 1982; orders that propagate are entered as exact plane waves, as in Li et al. 1999). Across it f and
-/// `w·((1 + h'h')ρ - h'α) f` are continuous, w being 1 in TE and 1/ε in TM.
+/// With `u = z - h(x)`, Helmholtz's equation for modes `f(x)·exp(iρu)` becomes
+/// `(α² - ρ(αh' + h'α) + ρ²(1 + h'h') - k²) f = 0`. This is one eigenproblem of twice the size per medium, and the
+/// boundary is the plane u = 0 (Chandezon et al. 1982). Propagating orders enter as exact plane waves (Li et al. 1999).
+/// Continuous across the boundary are f and `w·((1 + h'h')ρ - h'α) f`, where w is 1 in TE and 1/ε in TM.
 ///
 /// # Errors
-/// Numbers that are not physical; modes that cannot be told apart (very steep profiles).
+/// `Input` for unphysical parameters, or if the modes of a very steep profile cannot be separated.
 pub fn coordinates(
     grating: &Grating,
     light: &Light,
@@ -55,7 +55,7 @@ fn inseparable() -> Error {
     Error::input("grating", "it is too steep for its modes to be told apart", "use the staircase instead")
 }
 
-/// Modes that leave the surface: their fields and partners at u = 0 as columns, plane waves first.
+/// Outgoing modes: fields and partners at u = 0 as columns, plane waves first.
 struct Modes {
     field: Matrix,
     partner: Matrix,
@@ -64,7 +64,7 @@ struct Modes {
 
 struct Surface<'a> {
     waves: &'a Waves,
-    /// h' and 1 + h'h' as matrices.
+    /// Matrices of h' and 1 + h'h'.
     slope: Matrix,
     metric: Matrix,
 }
@@ -72,7 +72,7 @@ struct Surface<'a> {
 impl<'a> Surface<'a> {
     fn new(waves: &'a Waves) -> Self {
         let n = waves.count();
-        // h' = -(dK/2)·sin Kx has the coefficients ±i·dK/4 at ±K; its square -(dK/4)² at ±2K and 2(dK/4)² at 0.
+        // h' = -(dK/2)·sin Kx has the coefficients ±i·dK/4 at ±K; its square has -(dK/4)² at ±2K and 2(dK/4)² at 0.
         let s = waves.depth * waves.grating / 4.0;
         let slope = Matrix::from_fn(n, n, |i, j| match i as i64 - j as i64 {
             1 => I * s,
@@ -87,13 +87,13 @@ impl<'a> Surface<'a> {
         Self { waves, slope, metric }
     }
 
-    /// `w·((1 + h'h')ρ - h'α) f`.
+    /// Partner field `w·((1 + h'h')ρ - h'α) f`.
     fn partner(&self, medium: usize, field: &DVector<Complex<f64>>, rho: Complex<f64>) -> DVector<Complex<f64>> {
         let tilted = DVector::from_fn(field.len(), |i, _| field[i] * self.waves.alpha[i]);
         (&self.metric * field * rho - &self.slope * tilted) * self.waves.weight(medium)
     }
 
-    /// A plane wave of order index `j` with vertical wave number `q`: `exp(iqz)` on the surface is a Bessel series.
+    /// Plane wave of order index `j` and vertical wave number `q`; `exp(iqz)` on the surface is a Bessel series.
     fn plane_wave(&self, medium: usize, j: usize, q: Complex<f64>) -> (DVector<Complex<f64>>, DVector<Complex<f64>>) {
         let x = q.re * self.waves.depth / 2.0;
         let field = DVector::from_fn(self.waves.count(), |i, _| {
@@ -133,7 +133,7 @@ impl<'a> Surface<'a> {
         Ok(Modes { field, partner, plane_waves })
     }
 
-    /// The quadratic eigenproblem in ρ as a linear one for (f, ρf).
+    /// Companion matrix: the quadratic eigenproblem in ρ as a linear one for (f, ρf).
     fn companion(&self, medium: usize) -> Result<Matrix> {
         let (n, alpha) = (self.waves.count(), &self.waves.alpha);
         let inverse = self.metric.clone().try_inverse().ok_or_else(inseparable)?;

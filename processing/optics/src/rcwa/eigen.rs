@@ -1,4 +1,4 @@
-//! Eigenvectors of a general complex matrix, from its Schur form.
+//! Eigenvectors of a general complex matrix from its Schur form.
 
 use nacre_base::{Error, Result};
 use nalgebra::{DMatrix, Schur};
@@ -6,13 +6,13 @@ use num_complex::Complex;
 
 type Matrix = DMatrix<Complex<f64>>;
 
-/// Sweeps of the QR iteration; it needs two or three per eigenvalue.
+/// Limit of QR sweeps per row; two or three per eigenvalue are usual.
 const SWEEPS_PER_ROW: usize = 100;
 
 /// Eigenvalues and unit eigenvectors (as columns) of a square matrix.
 ///
 /// # Errors
-/// When the QR iteration does not converge.
+/// If the QR iteration does not converge.
 pub(super) fn eigen(matrix: Matrix) -> Result<(Vec<Complex<f64>>, Matrix)> {
     let n = matrix.nrows();
     let schur = Schur::try_new(matrix, f64::EPSILON, SWEEPS_PER_ROW * n)
@@ -26,7 +26,7 @@ pub(super) fn eigen(matrix: Matrix) -> Result<(Vec<Complex<f64>>, Matrix)> {
         for i in (0..k).rev() {
             let sum: Complex<f64> = (i + 1..=k).map(|j| t[(i, j)] * vectors[(j, k)]).sum();
             let gap = t[(i, i)] - value;
-            // Equal eigenvalues are told apart by a rounding error, as LAPACK does.
+            // A gap of zero between equal eigenvalues is replaced by a rounding error, as in LAPACK.
             vectors[(i, k)] = -sum / if gap.norm() < tiny { Complex::from(tiny) } else { gap };
         }
     }

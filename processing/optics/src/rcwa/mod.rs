@@ -1,21 +1,21 @@
 //! Rigorous diffraction by gratings: Maxwell's equations without the scalar or thin-grating assumption.
 //!
-//! A metal's surface is `h(x) = d/2 · cos(2πx/Λ)`, d peak to peak; below it lies the metal (or a dielectric), above it air or
-//! film. Light comes from above in the plane across the grooves (no conical incidence). Two independent methods share
-//! one set of types:
+//! The surface is `h(x) = d/2 · cos(2πx/Λ)` with the peak-to-peak depth d. Below is metal or a dielectric, above is air
+//! or film. Light comes from above in the plane perpendicular to the grooves (no conical incidence). Two independent
+//! methods share one set of types:
 //!
-//! - [`slices`]: rigorous coupled-wave analysis. The profile is a staircase, every slice couples plane waves through
-//!   Fourier series of its permittivity (with Li's factorisation rules for TM: Li 1996), and slices are joined by a
-//!   recursion of the admittance that holds decaying exponentials only, so it is stable at any depth. Works for any
-//!   depth, but in TM metal stairs converge slowly.
-//! - [`coordinates`]: the same equations in coordinates that follow the surface (Chandezon's method). A smooth profile
-//!   has no stairs there and converges exponentially.
+//! - [`slices()`]: rigorous coupled-wave analysis of a staircase. In each slice, the Fourier series of the permittivity
+//!   couples plane waves, with Li's factorisation rules for TM (Li 1996). A recursion of the admittance joins the
+//!   slices. It contains decaying exponentials only, so it is stable at any depth. In TM, staircases in metal converge
+//!   slowly.
+//! - [`coordinates()`]: the coordinate-transformation (Chandezon) method. It has no stairs and converges exponentially
+//!   for smooth profiles.
 //!
-//! [`solve`] takes the wanted error, and uses the cheapest setting whose predicted error meets it. [`conductor`] takes any smooth cross-section
-//! of a perfect conductor: what scalar theory is compared with.
+//! [`solve`] uses the cheapest setting whose predicted error meets the requested one. [`conductor()`] solves any smooth
+//! cross-section of a perfect conductor, as a reference for scalar theory.
 //!
-//! Conventions: fields go as `exp(-iωt)`, so absorbing media have a positive imaginary index and a delay is a positive
-//! phase; amplitudes refer to the mean plane of the surface.
+//! Conventions: fields vary as `exp(-iωt)`, so absorbing media have a positive imaginary index and a delay is a
+//! positive phase. Amplitudes refer to the mean plane of the surface.
 //!
 //! ```
 //! use nacre_optics::rcwa::{ALUMINIUM, Grating, Light, Polarization, solve};
@@ -46,79 +46,78 @@ pub use coordinates::coordinates;
 pub use ratio::{RatioTable, contrast, phase_offset, ratio};
 pub use slices::slices;
 
-/// Refractive index of evaporated aluminium near 560 nm, as the 2018 paper uses it (below its Fig. 14), for
-/// `exp(-iωt)`.
+/// Refractive index of evaporated aluminium near 560 nm (2018 paper, below Fig. 14), for `exp(-iωt)`.
 pub const ALUMINIUM: Complex<f64> = Complex::new(1.0003, 6.5044);
 
 const I: Complex<f64> = Complex::new(0.0, 1.0);
 const ONE: Complex<f64> = Complex::new(1.0, 0.0);
 const ZERO: Complex<f64> = Complex::new(0.0, 0.0);
 
-/// A sinusoidal surface between two media.
+/// Sinusoidal grating between two media.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grating {
     /// Period in µm.
     pub period_um: f64,
-    /// Depth in µm, peak to peak.
+    /// Peak-to-peak depth in µm.
     pub depth_um: f64,
-    /// Refractive index above the surface, where the light comes from.
+    /// Refractive index above the surface, on the side of the incident light.
     pub above: f64,
     /// Complex refractive index below; its imaginary part is not negative.
     pub below: Complex<f64>,
 }
 
-/// A plane wave across the grooves.
+/// Incident plane wave, perpendicular to the grooves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Wavelength in vacuum, in nm.
+    /// Vacuum wavelength in nm.
     pub wavelength_nm: f64,
     /// Angle of incidence in the upper medium, in rad.
     pub angle: f64,
 }
 
-/// Which field lies along the grooves.
+/// Polarization: the field along the grooves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Polarization {
-    /// s: the electric field.
+    /// TE (s): the electric field is along the grooves.
     Te,
-    /// p: the magnetic field.
+    /// TM (p): the magnetic field is along the grooves.
     Tm,
 }
 
-/// One plane wave that leaves the grating.
+/// Diffraction order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Order {
     /// Number of the order; its tangential wave number is the incident one plus `m·2π/Λ`.
     pub m: i32,
-    /// Amplitude of the field along the grooves (E in TE, H in TM) relative to the incident one, at the mean plane.
+    /// Amplitude of the field along the grooves (E in TE, H in TM) at the mean plane, relative to the incident one.
     pub amplitude: Complex<f64>,
-    /// Share of the incident power, 0 to 1.
+    /// Efficiency: fraction of the incident power, 0 to 1.
     pub efficiency: f64,
 }
 
 /// All propagating orders.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Orders {
-    /// Reflected orders, by rising number.
+    /// Reflected orders, by increasing number.
     pub reflected: Vec<Order>,
-    /// Transmitted orders, by rising number; none into an absorbing medium.
+    /// Transmitted orders, by increasing number; empty for an absorbing medium.
     pub transmitted: Vec<Order>,
 }
 
 impl Orders {
-    /// A reflected order; no light when it does not propagate.
+    /// Reflected order `m`; zero amplitude if it does not propagate.
     pub fn reflected(&self, m: i32) -> Order {
         let found = self.reflected.iter().find(|o| o.m == m);
         found.copied().unwrap_or(Order { m, amplitude: ZERO, efficiency: 0.0 })
     }
 
-    /// Power in all orders, relative to the incident one: 1 without absorption.
+    /// Total efficiency of all orders; 1 without absorption.
     pub fn total(&self) -> f64 {
         self.reflected.iter().chain(&self.transmitted).map(|o| o.efficiency).sum()
     }
 }
 
-/// The plane waves of a problem, in units of the wave number in vacuum.
+/// Plane waves of a problem, in units of the vacuum wave number.
 struct Waves {
     /// Orders run from `-harmonics` to `harmonics`.
     harmonics: usize,
@@ -126,19 +125,21 @@ struct Waves {
     alpha: Vec<f64>,
     /// Vertical wave numbers above, with Im ≥ 0.
     above: Vec<Complex<f64>>,
-    /// The same below.
+    /// Vertical wave numbers below, with Im ≥ 0.
     below: Vec<Complex<f64>>,
     /// Permittivities above and below.
     eps: [Complex<f64>; 2],
-    /// Depth and the grating's own wave number.
+    /// Depth and grating wave number.
     depth: f64,
     grating: f64,
     polarization: Polarization,
 }
 
 impl Waves {
+    /// Wave numbers and permittivities of a problem.
+    ///
     /// # Errors
-    /// Numbers that are not finite or not physical.
+    /// `Input` for parameters that are not finite or not physical.
     fn new(grating: &Grating, light: &Light, polarization: Polarization, harmonics: usize) -> Result<Self> {
         check(grating, light)?;
         let k0 = TAU / (light.wavelength_nm / 1000.0);
@@ -155,12 +156,12 @@ impl Waves {
         self.alpha.len()
     }
 
-    /// Whether the lower medium lets waves propagate to infinity.
+    /// Whether waves propagate to infinity in the lower medium.
     fn lossless(&self) -> bool {
         self.eps[1].im == 0.0
     }
 
-    /// 1 in TE, 1/ε in TM: what multiplies the normal derivative in the boundary condition.
+    /// Factor of the normal derivative in the boundary condition: 1 in TE, 1/ε in TM.
     fn weight(&self, medium: usize) -> Complex<f64> {
         match self.polarization {
             Polarization::Te => ONE,
@@ -168,7 +169,7 @@ impl Waves {
         }
     }
 
-    /// Propagating orders of a medium from their amplitudes at the mean plane.
+    /// Propagating orders of a medium from the amplitudes at the mean plane.
     fn orders(&self, medium: usize, amplitudes: &[Complex<f64>]) -> Vec<Order> {
         let vertical = if medium == 0 { &self.above } else { &self.below };
         let incident = self.above[self.harmonics].re * self.weight(0).re;
@@ -181,12 +182,12 @@ impl Waves {
     }
 }
 
-/// A wave that carries power to infinity in a lossless medium.
+/// Whether a wave carries power to infinity in a lossless medium.
 fn propagates(vertical: Complex<f64>) -> bool {
     vertical.im == 0.0 && vertical.re > 0.0
 }
 
-/// The root with Im ≥ 0 (and Re > 0 for waves that propagate).
+/// Square root with Im ≥ 0 (and Re > 0 for propagating waves).
 fn outgoing(square: Complex<f64>) -> Complex<f64> {
     if square.im == 0.0 {
         let root = square.re.abs().sqrt();

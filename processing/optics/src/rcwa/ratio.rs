@@ -1,28 +1,31 @@
-//! `R = r·exp(iζ)` of the 2018 paper's Eq. 6 from Maxwell's equations.
+//! Complex reflectance ratio `R = r·exp(iζ)` (2018 paper, Eq. 6) by rigorous diffraction.
 
 use super::{Grating, Light, Polarization, solve};
 use nacre_base::{Error, Result};
 use num_complex::Complex;
 use rayon::prelude::*;
 
-/// Widest interval of a table (relative), most nodes, and the narrowest interval that is halved, in µm.
+/// Widest relative interval of a table, largest number of nodes, and narrowest interval that is bisected, in µm.
 const WIDEST: f64 = 0.1;
 const MOST_NODES: usize = 2000;
 const NARROWEST_UM: f64 = 1e-7;
 
-/// The ratio R of a grating's specular Jones matrix `diag(-1, R)`, along and across its vector (2018 paper, Eq. 6), at
-/// normal incidence: `-r_s / r_p` with both fields on fixed axes, so that a mirror has -1. `max_error` is absolute.
+/// Ratio R of a grating's specular Jones matrix `diag(-1, R)` along and across the grating vector, at normal incidence
+/// (2018 paper, Eq. 6).
+///
+/// R is `-r_s / r_p` with both fields on fixed axes, so a mirror has R = -1. `max_error` is absolute.
 ///
 /// # Errors
-/// As [`solve`]; a grating that reflects no p-polarized light.
+/// As [`solve`]; also for a grating that reflects no p-polarized light.
 pub fn ratio(grating: &Grating, wavelength_nm: f64, max_error: f64) -> Result<Complex<f64>> {
     let light = Light { wavelength_nm, angle: 0.0 };
-    // R changes by (1 + |R|)/|r_p| times the amplitudes' error: a first look tells how well they must be known.
+    // The error of R is (1 + |R|)/|r_p| times that of the amplitudes. A first solution at low accuracy gives this
+    // factor.
     let (mut wanted, mut found) = (max_error / 4.0, None);
     for _ in 0..2 {
         let s = solve(grating, &light, Polarization::Te, wanted)?;
         let p = solve(grating, &light, Polarization::Tm, wanted)?;
-        // The magnetic field keeps its sign where the electric one changes it, which is the minus of -r_s/r_p.
+        // The magnetic field keeps its sign where the electric field changes it; hence the minus in -r_s/r_p.
         let (r_s, r_p) = (s.reflected(0).amplitude, p.reflected(0).amplitude);
         let ratio = r_s / r_p;
         if !ratio.is_finite() {
@@ -44,17 +47,17 @@ pub fn contrast(ratio: Complex<f64>) -> f64 {
     (power - 1.0) / (power + 1.0)
 }
 
-/// What a grating at orientation 0 shows as AoLP under the paper's circular light `(1, -i)` without film (2018 paper,
-/// Eq. 9), in rad: the "global" offset of the sinusoid model, in (-π/2, π/2].
+/// Offset of the sinusoid model in rad, in (-π/2, π/2]: AoLP of a grating at orientation 0 under circular light
+/// `(1, -i)` without film (2018 paper, Eq. 9).
 pub fn phase_offset(ratio: Complex<f64>) -> f64 {
     0.5 * (-2.0 * ratio.im).atan2(1.0 - ratio.norm_sqr())
 }
 
-/// R over the period, at one depth, wavelength and pair of media.
+/// Table of R over the period, for one depth, wavelength and pair of media.
 ///
-/// Nodes are as dense as R is curved: an interval is halved until the value in its middle lies within the requested
-/// error of the straight line. The first nodes enclose the anomalies (an order begins to propagate, or couples to a
-/// surface plasmon), which are too narrow to be met by chance.
+/// An interval is bisected until the value at its middle is within the requested error of the linear interpolation. The
+/// initial nodes enclose the anomalies, where an order begins to propagate or couples to a surface plasmon. These are
+/// too narrow to be found by bisection alone.
 #[derive(Clone, Debug)]
 pub struct RatioTable {
     periods: Vec<f64>,
@@ -63,11 +66,11 @@ pub struct RatioTable {
 }
 
 impl RatioTable {
-    /// Tabulates the period of `grating` from `periods_um[0]` to `periods_um[1]` (µm), to `max_error` (absolute, in R).
-    /// Half of the error is for the solver.
+    /// Tabulates R for periods of `grating` from `periods_um[0]` to `periods_um[1]` (µm), with an absolute error of at
+    /// most `max_error`. Half of the error is allotted to the solver.
     ///
     /// # Errors
-    /// As [`ratio`]; an empty range; an R so jagged that 1000 nodes do not suffice.
+    /// As [`ratio`]; also for an empty range, or if R varies too rapidly for 1000 nodes.
     pub fn new(grating: &Grating, periods_um: [f64; 2], wavelength_nm: f64, max_error: f64) -> Result<Self> {
         let [low, high] = periods_um;
         if !(low > 0.0 && high >= low && high.is_finite()) {
@@ -93,7 +96,7 @@ impl RatioTable {
                 if let Some(value) = value {
                     let off = (value - 0.5 * (ratios[i] + ratios[i + 1])).norm();
                     let done = off <= max_error / 2.0 || periods[i + 1] - periods[i] < NARROWEST_UM;
-                    // With the node in its middle an interval's error falls to a quarter where R is smooth.
+                    // Where R is smooth, a node in the middle reduces the error of the interval to a quarter.
                     error = if done { error.max(off) } else { error };
                     next_periods.push(middle(i));
                     next_ratios.push(value);
@@ -109,7 +112,7 @@ impl RatioTable {
         Ok(Self { periods, ratios, error: error + max_error / 2.0 })
     }
 
-    /// R at a period in µm; None outside of the table.
+    /// R at a period in µm; `None` outside of the table.
     pub fn at(&self, period_um: f64) -> Option<Complex<f64>> {
         let (first, last) = (*self.periods.first()?, *self.periods.last()?);
         if !(first..=last).contains(&period_um) {
@@ -123,26 +126,26 @@ impl RatioTable {
         Some(value + (next - value) * ((period_um - low) / (high - low)))
     }
 
-    /// R at a period in µm, or at the nearest one that the table has.
+    /// R at a period in µm, clamped to the range of the table.
     pub fn nearest(&self, period_um: f64) -> Complex<f64> {
         let (first, last) = (self.periods[0], self.periods[self.periods.len() - 1]);
         self.at(period_um.clamp(first, last)).unwrap_or(self.ratios[0])
     }
 
-    /// Nodes: periods in µm, rising, and R.
+    /// Nodes of the table: periods in µm, increasing, and R.
     pub fn nodes(&self) -> impl ExactSizeIterator<Item = (f64, Complex<f64>)> + '_ {
         self.periods.iter().copied().zip(self.ratios.iter().copied())
     }
 
-    /// Predicted largest absolute error of [`RatioTable::at`]: of the solver, and of the interpolation as measured in
-    /// the middle of every interval before that became a node.
+    /// Predicted largest absolute error of [`RatioTable::at`]: the solver's error plus the interpolation error measured
+    /// in the middle of every interval before bisection.
     pub fn error(&self) -> f64 {
         self.error
     }
 }
 
-/// Nodes to begin with: a coarse ladder, both sides of every period at which an order begins to propagate
-/// (`mλ/n`), and some around every period at which one meets a surface plasmon (`mλ/n` of the plasmon).
+/// Initial nodes: a coarse ladder, both sides of every period at which an order begins to propagate (`mλ/n`), and some
+/// around every plasmon resonance (`mλ/n` of the plasmon).
 fn first_nodes(grating: &Grating, [low, high]: [f64; 2], wavelength_um: f64) -> Vec<f64> {
     let (above, below) = (Complex::from(grating.above.powi(2)), grating.below * grating.below);
     let plasmon = (above * below / (above + below)).sqrt().re;

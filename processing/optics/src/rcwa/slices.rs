@@ -1,4 +1,4 @@
-//! Rigorous coupled-wave analysis: a staircase of slices, joined from the bottom up.
+//! Rigorous coupled-wave analysis of a staircase of slices, joined from the bottom up.
 
 use super::{Grating, I, Light, ONE, Orders, Polarization, Waves, ZERO};
 use nacre_base::{Error, Result};
@@ -8,19 +8,21 @@ use std::f64::consts::PI;
 
 type Matrix = DMatrix<Complex<f64>>;
 
-/// Largest 1-norm of `A·d²` for one step: keeps the power series below accurate to rounding.
+/// Largest 1-norm of `A·d²` per step: keeps the power series below accurate to rounding.
 const LARGEST_STEP: f64 = 1.0;
 
-/// Diffraction by a staircase of `count` slices with `2·harmonics + 1` coupled waves.
+/// Solves for a staircase of `count` slices with `2·harmonics + 1` coupled waves.
 ///
-/// In a slice the field f along the grooves and its partner g (`-i ∂f/∂z`, in TM divided by ε) obey
-/// `∂f/∂z = i P⁻¹ g`, `∂g/∂z = -i M f`, with `M = α² - [ε]`, `P = 1` in TE and `M = α[ε]⁻¹α - 1`, `P = [1/ε]` in TM
-/// (Li's rules: across vertical walls εEx and Ez are continuous). The admittance Y, `g = Y f`, starts at the
-/// substrate's and is carried up; what decays downwards grows upwards, so the wanted solution is the dominant one and
-/// errors die out. `cosh` and `sinh` of `√(P⁻¹M)·d` come from their power series, which needs no eigenvectors.
+/// In a slice, the field f along the grooves and its partner g (`-i ∂f/∂z`, in TM divided by ε) obey `∂f/∂z = i P⁻¹ g`
+/// and `∂g/∂z = -i M f`. In TE `M = α² - [ε]` and `P = 1`; in TM `M = α[ε]⁻¹α - 1` and `P = [1/ε]`. By Li's rules, εEx
+/// and Ez are continuous across vertical walls.
+///
+/// The admittance Y, `g = Y f`, starts with the value of the substrate and is propagated upwards. Fields that decay
+/// downwards grow upwards, so the wanted solution dominates and errors die out. `cosh` and `sinh` of `√(P⁻¹M)·d` are
+/// power series, without eigenvectors.
 ///
 /// # Errors
-/// Numbers that are not physical, or a resonance that makes the admittance infinite.
+/// `Input` for unphysical parameters, or for a resonance at which the admittance is infinite.
 pub fn slices(
     grating: &Grating,
     light: &Light,
@@ -36,7 +38,8 @@ pub fn slices(
     let mut admittance = -diagonal(1, &waves.below);
     let mut through = waves.lossless().then(|| Matrix::identity(n, n));
     for j in (0..count).rev() {
-        // Stairs of equal width: finest where the sinusoid is flat and the width changes fastest with height.
+        // Stairs of equal width along x: lowest near crests and troughs, where the width of the metal changes fastest
+        // with height.
         let height = |j: usize| 0.5 * waves.depth * (PI * j as f64 / count as f64).cos();
         let thickness = height(j) - height(j + 1);
         if thickness > 0.0 {
@@ -64,7 +67,7 @@ fn resonance() -> Error {
     Error::input("grating", problem, "change wavelength, angle or harmonics a little")
 }
 
-/// One slice: the matrices that all its heights share.
+/// Matrices of a slice, common to all heights in it.
 struct Slice {
     /// P⁻¹, M and A = P⁻¹M.
     inverse: Option<Matrix>,
@@ -73,7 +76,7 @@ struct Slice {
 }
 
 impl Slice {
-    /// A slice whose share `filling` is of the lower medium, around x = 0.
+    /// Slice of which a fraction `filling` around x = 0 is the lower medium.
     fn new(waves: &Waves, filling: f64) -> Self {
         let n = waves.count();
         let series = |above: Complex<f64>, below: Complex<f64>| {
@@ -92,7 +95,7 @@ impl Slice {
                 Self { inverse: None, a: m.clone(), m }
             }
             Polarization::Tm => {
-                // Both Toeplitz matrices are of a passive medium, so they have an inverse.
+                // Both Toeplitz matrices describe a passive medium, so they are invertible.
                 let invert = |m: Matrix| m.try_inverse().unwrap_or_else(|| Matrix::identity(n, n));
                 let (across, along) = (invert(series(ONE / above, ONE / below)), invert(eps));
                 let unit = |i, j| if i == j { ONE } else { ZERO };
@@ -102,12 +105,13 @@ impl Slice {
         }
     }
 
-    /// Carries the admittance up by `thickness`, and the field's way down, in steps that the series can take.
+    /// Propagates the admittance up by `thickness`, and the transmission matrix with it, in steps for which the series
+    /// converges.
     fn climb(&self, thickness: f64, admittance: &mut Matrix, through: &mut Option<Matrix>) -> Result<()> {
         let norm = (0..self.a.ncols()).map(|j| self.a.column(j).iter().map(|c| c.norm()).sum()).fold(0.0, f64::max);
         let steps = (thickness * (norm / LARGEST_STEP).sqrt()).ceil().max(1.0);
         let (cosh, sinh) = hyperbolic(&self.a, thickness / steps);
-        // P·cosh·P⁻¹ is the transpose of cosh, since P and M are symmetric.
+        // P·cosh·P⁻¹ is the transpose of cosh, because P and M are symmetric.
         let (down, cosh_t) = (&self.m * &sinh * -I, cosh.transpose());
         let side = self.inverse.as_ref().map_or_else(|| sinh.clone(), |p| &sinh * p) * I;
         for _ in 0..steps as usize {
@@ -122,7 +126,7 @@ impl Slice {
     }
 }
 
-/// `cosh(√A d)` and `sinh(√A d)/√A` for ‖A d²‖ ≤ 1: nine terms each, the next would be 1/18! = 2e-16.
+/// Series of `cosh(√A d)` and `sinh(√A d)/√A` for ‖A d²‖ ≤ 1: nine terms each; the next would be 1/18! = 2e-16.
 fn hyperbolic(a: &Matrix, d: f64) -> (Matrix, Matrix) {
     let x = a * Complex::from(d * d);
     let (x2, n) = (&x * &x, x.nrows());

@@ -1,4 +1,5 @@
-//! Against truths that share no code with either method: Fresnel, Bessel, energy, reciprocity, point matching.
+//! Comparison with references that share no code with either method: Fresnel, Bessel, energy, reciprocity, point
+//! matching.
 
 use super::*;
 use nalgebra::{DMatrix, DVector};
@@ -14,7 +15,7 @@ fn green(angle: f64) -> Light {
     Light { wavelength_nm: 560.0, angle }
 }
 
-/// The two methods at settings that are ample for dielectrics.
+/// Solutions of both methods at settings that are ample for dielectrics.
 fn both(grating: &Grating, light: &Light, polarization: Polarization) -> [Orders; 2] {
     [coordinates(grating, light, polarization, 10).unwrap(), slices(grating, light, polarization, 10, 24).unwrap()]
 }
@@ -26,7 +27,8 @@ fn dielectrics_conserve_energy() {
         for polarization in BOTH {
             let [smooth, stairs] = both(&glass, &green(angle), polarization);
             assert!(stairs.transmitted.len() >= 2);
-            // The staircase conserves energy exactly for any number of waves, the smooth profile as far as it converged.
+            // The staircase conserves energy exactly for any number of waves, the smooth profile within its
+            // convergence.
             assert!((stairs.total() - 1.0).abs() < 1e-10, "{polarization:?} {depth_um}: {}", stairs.total() - 1.0);
             let smooth_enough = if depth_um < 0.5 { 1e-8 } else { 1e-4 };
             assert!(
@@ -55,7 +57,7 @@ fn flat_surfaces_reflect_as_fresnel_says() {
     }
 }
 
-/// Slopes of 1:100 under a metal that reflects all: the scalar theory's Jm² (physics of the 2018 paper's Eq. 2).
+/// Slopes of 1:100 in a perfect reflector: efficiencies Jm² of scalar theory (from the 2018 paper's Eq. 2).
 #[test]
 fn wide_periods_give_the_scalar_bessel_efficiencies() {
     let silver = Complex::new(0.001, 100.0);
@@ -70,7 +72,7 @@ fn wide_periods_give_the_scalar_bessel_efficiencies() {
     }
 }
 
-/// Light sent back along order m returns along the old incidence with the same efficiency.
+/// Light sent back along order m returns along the incident direction with the same efficiency.
 #[test]
 fn orders_are_reciprocal() {
     let (metal, light) = (foil(1.0, 0.2), green(0.3));
@@ -81,7 +83,7 @@ fn orders_are_reciprocal() {
             let smooth = |light| coordinates(&metal, light, polarization, 12).unwrap().reflected(m).efficiency;
             let (a, b) = (smooth(&light), smooth(&back));
             assert!((a - b).abs() < 1e-8 && a > 1e-3, "{polarization:?} {m}: {a} {b}");
-            // Truncation cuts the two problems differently, so the staircase is reciprocal as far as it converged.
+            // The two problems are truncated differently, so the staircase is reciprocal within its convergence only.
             let stairs = |light| slices(&glass, light, polarization, 16, 16).unwrap().reflected(m).efficiency;
             let (a, b) = (stairs(&light), stairs(&back));
             assert!((a - b).abs() < 1e-2 * a && a > 1e-4, "{polarization:?} {m}: {a} {b}");
@@ -89,7 +91,7 @@ fn orders_are_reciprocal() {
     }
 }
 
-/// On glass both methods converge to one answer.
+/// On glass both methods converge to the same result.
 #[test]
 fn the_staircase_converges_to_the_smooth_profile() {
     let glass = Grating { below: Complex::from(1.5), ..foil(1.0, 0.1) };
@@ -103,8 +105,8 @@ fn the_staircase_converges_to_the_smooth_profile() {
     }
 }
 
-/// Staircase codes give Rs 0.513 and Rp 0.374 for this foil; Rs is right, Rp is the stairs': ours say the same with as
-/// many stairs, while the smooth profile has 0.3801 by point matching and by coordinates.
+/// Staircase codes give Rs 0.513 and Rp 0.374 for this foil. Rs is right; Rp has the error of the stairs. Our staircase
+/// agrees at the same number of slices. The smooth profile has 0.3801 by point matching and by the coordinate method.
 #[test]
 fn aluminium_foil_of_1_micrometre() {
     let (foil, light) = (foil(1.0, 0.1), green(0.0));
@@ -122,7 +124,7 @@ fn aluminium_foil_of_1_micrometre() {
     }
 }
 
-/// Predicted errors hold: against a far dearer setting.
+/// Predicted errors hold against a much finer setting.
 #[test]
 fn predicted_errors_hold() {
     for (period, depth, wanted) in [(1.0, 0.1, 1e-3), (0.7, 0.3, 1e-4), (2.0, 0.6, 1e-2)] {
@@ -153,7 +155,7 @@ fn a_mirror_has_the_ratio_minus_one() {
     assert!((mirror + ONE).norm() < 1e-9 && contrast(mirror).abs() < 1e-9, "{mirror}");
 }
 
-/// The offset is that of the Jones calculus, and differs between periods.
+/// The offset equals that of the Jones calculus and depends on the period.
 #[test]
 fn the_offset_is_what_the_jones_calculus_shows() {
     use crate::polarization::{Jones, JonesVector, angle_difference};
@@ -166,7 +168,7 @@ fn the_offset_is_what_the_jones_calculus_shows() {
     assert!((apart - 7.6).abs() < 0.1, "{apart}");
 }
 
-/// Between nodes, anomalies included, the table is as good as it says.
+/// Between nodes, anomalies included, the error of the table is within its prediction.
 #[test]
 fn tables_are_as_good_as_they_say() {
     let film = Grating { above: 1.468, ..foil(1.0, 0.1) };
@@ -181,15 +183,15 @@ fn tables_are_as_good_as_they_say() {
     assert!(table.at(0.69).is_none() && table.at(1.31).is_none() && table.at(1.3).is_some());
 }
 
-/// Plane waves above and below, matched in least squares at points of the surface: Rayleigh's hypothesis, which holds
-/// rigorously while the steepest slope πd/Λ is under 0.448.
+/// Plane waves above and below, matched by least squares at surface points. This relies on Rayleigh's hypothesis, which
+/// holds rigorously for steepest slopes πd/Λ below 0.448.
 fn point_matching(grating: &Grating, light: &Light, polarization: Polarization, harmonics: usize) -> Vec<Order> {
     let waves = Waves::new(grating, light, polarization, harmonics).unwrap();
     let (n, points) = (waves.count(), 4 * waves.count());
     let wave = |medium: usize, j: usize, q: Complex<f64>, at: usize| {
         let phase = TAU * at as f64 / points as f64;
         let (height, slope) = (0.5 * waves.depth * phase.cos(), -0.5 * waves.depth * waves.grating * phase.sin());
-        // Evanescent waves are scaled to 1 where they are largest.
+        // Evanescent waves are scaled to 1 at their maximum.
         let field =
             (I * waves.alpha[j] * (phase / waves.grating) + I * q * height - q.im.abs() * waves.depth / 2.0).exp();
         [field, field * (q - slope * waves.alpha[j]) * waves.weight(medium)]
@@ -219,7 +221,8 @@ fn coordinates_agree_with_point_matching() {
     }
 }
 
-/// Against Chandezon's method for a metal that reflects all, and energy where the cross-section is none of its.
+/// Comparison with Chandezon's method for a perfect reflector; energy conservation for a cross-section beyond its
+/// scope.
 #[test]
 fn perfect_conductors_lose_nothing_and_agree_with_coordinates() {
     let silver = Complex::new(0.0, 400.0);
@@ -230,7 +233,7 @@ fn perfect_conductors_lose_nothing_and_agree_with_coordinates() {
             let wanted = coordinates(&metal, &green(angle), polarization, 16).unwrap();
             assert!((found.total() - 1.0).abs() < 1e-9, "{polarization:?} {period}: {}", found.total() - 1.0);
             for (a, b) in found.reflected.iter().zip(&wanted.reflected) {
-                // What is left is the metal's impedance of 1/400.
+                // The difference is due to the metal's impedance of 1/400.
                 assert!((a.efficiency - b.efficiency).abs() < 0.01, "{polarization:?} {period} {depth}: {a:?} {b:?}");
             }
         }
@@ -238,7 +241,7 @@ fn perfect_conductors_lose_nothing_and_agree_with_coordinates() {
     let teeth = [[0.0, -0.06], [0.01, -0.025], [0.0, -0.01]];
     for polarization in BOTH {
         let there = conductor(&teeth, 1.6, &green(0.4), polarization, 20).unwrap();
-        // Teeth converge, slower than sinusoids.
+        // Asymmetric teeth converge too, more slowly than sinusoids.
         let coarse = conductor(&teeth, 1.6, &green(0.4), polarization, 10).unwrap();
         let lost = [coarse.total() - 1.0, there.total() - 1.0];
         assert!(lost[1].abs() < 1e-5 && lost[1].abs() < 0.1 * lost[0].abs(), "{polarization:?}: {lost:?}");

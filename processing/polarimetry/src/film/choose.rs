@@ -42,9 +42,11 @@ const DISTORTED: f64 = 3.0;
 const CURVE_POINTS: usize = 5000;
 const FEW_CURVE_POINTS: usize = 1000;
 
-/// Limit in −2 ln likelihood, on a sample, beyond which a candidate is excluded from the comparison on all points. In
-/// 60 draws of `choose_tests`, 226 candidates were within 10 of the best on all points. On a sample they were up to 32
-/// behind, as fewer points determine the orientation distribution less well. A limit of 50 would exclude 13 more of all 606.
+/// Limit in −2 ln likelihood, on a sample, beyond which a candidate is excluded from the comparison on all points.
+///
+/// In 60 draws of `choose_tests`, 226 candidates were within 10 of the best on all points. On a sample they were up to
+/// 32 behind, as fewer points determine the orientation distribution less well. A limit of 50 would exclude 13 more of
+/// all 606.
 const HOPELESS: f64 = 100.0;
 
 /// Ratio of the error along a curve that is taken for a circle to the scatter across it. It is the median over the 146

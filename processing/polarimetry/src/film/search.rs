@@ -31,8 +31,9 @@ const SAME: f64 = 4e-3;
 /// Orientation difference in rad up to which results belong to the same minimum.
 const SAME_MINIMUM: f64 = 0.1;
 
-/// Priors of the parameters. They assume that strongly polarizing gratings are rare (ln r), packaging films (retardance
-/// up to 10° in the paper, front reflection), a retarder error of a few degrees, and the stray light of a dark room.
+/// Priors of the parameters. They assume that strongly polarizing gratings are rare (ln r) and that films are packaging
+/// films (retardance up to 10° in the paper, front reflection). Retarder errors are a few degrees, and stray light is
+/// that of a dark room.
 const EXPECTED: [Expected; PARAMETERS] = {
     use Expected::{Anything, Mostly, Near};
     [Mostly(0.5), Anything, Near(0.15), Anything, Near(0.1), Near(0.1), Near(0.03), Near(0.015), Near(0.5)]

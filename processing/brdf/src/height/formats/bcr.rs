@@ -1,4 +1,5 @@
-//! BCR-STM and BCRF files (Image Metrology): a header of `key = value` of fixed size, then 16-bit integers or floats from the top.
+//! BCR-STM and BCRF files (Image Metrology): a header of `key = value` of fixed size, then 16-bit integers or floats
+//! from the top.
 
 use super::super::stored::{Pitch, Stored};
 use super::super::text::unit::unit_um;
@@ -7,10 +8,10 @@ use super::fault::{Fault, Outcome};
 use super::keys::Keys;
 use super::{Input, size};
 
-/// Largest header.
+/// Largest header in bytes.
 const MOST: usize = 1 << 20;
 
-/// The text at the beginning, and bytes of a character.
+/// Text of the header, and number of bytes per character.
 fn head(bytes: &[u8], length: usize) -> (String, usize) {
     let head = &bytes[..bytes.len().min(length) & !1];
     let wide = head.starts_with(&[0xff, 0xfe]) || head.starts_with(b"f\0i\0l\0e\0");
@@ -49,9 +50,10 @@ pub(super) fn read(input: &Input) -> Outcome<Stored> {
     let order = if keys.get("intelmode") == Some("0") { Order::Big } else { Order::Little };
     let mut values = numbers(input.bytes.get(begin..).unwrap_or_default(), width * rows, kind, order)?;
     let void = keys.get("voidpixels").and_then(|v| v.parse::<f64>().ok()).filter(|v| *v != 0.0);
-    // Their value in some files, their number in others, which then mark them by the largest integer.
+    // Some files state the value of invalid points, others their number; these mark invalid points by the largest
+    // integer.
     let void = void.map(|v| if kind.is_integer() && v.abs() < 32_767.0 { 32_767.0 } else { v });
-    // Floats mark gaps by the largest one.
+    // In floats, the largest value marks gaps.
     values.iter_mut().filter(|v| Some(**v) == void || v.abs() > 1.7e38).for_each(|v| *v = f64::NAN);
     let unit = |key: &str| unit_um(keys.get(key).unwrap_or("nm"));
     let (Some(x), Some(y)) = (unit("xunit"), unit("yunit")) else {

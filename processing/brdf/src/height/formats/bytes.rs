@@ -1,4 +1,4 @@
-//! Numbers in binary files, each read checked against the end of the file.
+//! Numbers in binary files; every read is checked against the end of the file.
 
 use super::fault::{Fault, Outcome};
 
@@ -16,7 +16,7 @@ pub(in crate::height) enum Kind {
 }
 
 impl Kind {
-    /// Bytes of a number.
+    /// Bytes per number.
     pub(in crate::height) fn size(self) -> usize {
         match self {
             Self::U8 | Self::I8 => 1,
@@ -26,12 +26,12 @@ impl Kind {
         }
     }
 
-    /// Whether numbers are integers, whose distance is one unit.
+    /// Whether numbers are integers, with a resolution of one unit.
     pub(in crate::height) fn is_integer(self) -> bool {
         !matches!(self, Self::F32 | Self::F64)
     }
 
-    /// The integer of that many bytes.
+    /// Integer type of this number of bytes.
     pub(in crate::height) fn integer(bytes: usize, signed: bool) -> Option<Self> {
         Some(match (bytes, signed) {
             (1, false) => Self::U8,
@@ -45,14 +45,14 @@ impl Kind {
     }
 }
 
-/// Order of the bytes of a number.
+/// Byte order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::height) enum Order {
     Little,
     Big,
 }
 
-/// The first `count` numbers of `bytes`.
+/// Reads the first `count` numbers of `bytes`.
 pub(in crate::height) fn numbers(bytes: &[u8], count: usize, kind: Kind, order: Order) -> Outcome<Vec<f64>> {
     let need = count.checked_mul(kind.size()).ok_or_else(|| Fault::damaged("a count overflows"))?;
     let Some(bytes) = bytes.get(..need) else {
@@ -81,7 +81,7 @@ pub(in crate::height) fn numbers(bytes: &[u8], count: usize, kind: Kind, order: 
     })
 }
 
-/// A place in a file.
+/// Read position in a file.
 #[derive(Clone, Debug)]
 pub(in crate::height) struct Cursor<'a> {
     rest: &'a [u8],
@@ -97,7 +97,7 @@ impl<'a> Cursor<'a> {
         self.rest.is_empty()
     }
 
-    /// The next bytes.
+    /// Reads bytes.
     pub(in crate::height) fn take(&mut self, count: usize) -> Outcome<&'a [u8]> {
         match self.rest.split_at_checked(count) {
             Some((taken, rest)) => {
@@ -137,7 +137,7 @@ impl<'a> Cursor<'a> {
         self.number(Kind::F64)
     }
 
-    /// Text that a zero byte ends.
+    /// Reads text up to a zero byte.
     pub(in crate::height) fn text(&mut self) -> Outcome<String> {
         let Some(end) = self.rest.iter().position(|b| *b == 0) else {
             return Err(Fault::Truncated("a text has no end".into()));
@@ -147,13 +147,13 @@ impl<'a> Cursor<'a> {
         Ok(text)
     }
 
-    /// Text in a field of fixed size, which may end with zero bytes or spaces; Latin-1 unless it is UTF-8.
+    /// Reads text in a field of fixed size, without trailing zero bytes and spaces; Latin-1 unless it is UTF-8.
     pub(in crate::height) fn field(&mut self, size: usize) -> Outcome<String> {
         Ok(latin(self.take(size)?))
     }
 }
 
-/// Text up to a zero byte, Latin-1 unless it is UTF-8.
+/// Text up to a zero byte; Latin-1 unless it is UTF-8.
 pub(in crate::height) fn latin(bytes: &[u8]) -> String {
     let bytes = bytes.split(|b| *b == 0).next().unwrap_or_default();
     let text =

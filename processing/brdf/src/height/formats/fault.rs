@@ -1,4 +1,4 @@
-//! Why a file of heights cannot be read, before its name is known.
+//! Errors of readers of height files, before the name of the file is attached.
 
 use nacre_base::Error;
 use std::path::Path;
@@ -6,14 +6,14 @@ use std::path::Path;
 /// Result of a reader.
 pub(in crate::height) type Outcome<T> = Result<T, Fault>;
 
-/// Why a file cannot be read.
+/// Reason for which a file cannot be read.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::height) enum Fault {
-    /// It ends too early.
+    /// The file ends too early.
     Truncated(String),
-    /// It contradicts itself or its format.
+    /// The file contradicts itself or its format.
     Damaged(String),
-    /// It is valid, but no height field that Nacre reads: the reason and the remedy.
+    /// The file is valid, but not a supported height field: the reason and the remedy.
     Unsupported(String, String),
 }
 
@@ -26,7 +26,7 @@ impl Fault {
         Self::Unsupported(problem.into(), remedy.into())
     }
 
-    /// The error of a file of a format, `Gwyddion file` for example.
+    /// Error for a file of a format, for example `Gwyddion file`.
     pub(in crate::height) fn of(self, path: &Path, format: &str) -> Error {
         let again = "copy or export the file again";
         match self {

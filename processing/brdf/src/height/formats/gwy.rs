@@ -7,7 +7,7 @@ use super::fault::{Fault, Outcome};
 use super::{Channel, Input, choose, size};
 use std::collections::BTreeMap;
 
-/// Deepest nesting of objects, and most components, that are followed.
+/// Deepest nesting of objects, and largest number of components, that are read.
 const DEPTH: usize = 12;
 const MOST: usize = 200_000;
 
@@ -15,7 +15,7 @@ pub(super) fn is(bytes: &[u8]) -> bool {
     bytes.starts_with(b"GWYP") || bytes.starts_with(b"GWYO")
 }
 
-/// A value of a component; those that heights do not need are left out.
+/// Value of a component, of the types that heights need.
 enum Value<'a> {
     Number(f64),
     Text(String),
@@ -111,7 +111,7 @@ fn unit(object: &Object, key: &str) -> String {
     }
 }
 
-/// The image of a channel or mask.
+/// Image of a channel or mask.
 fn field<'a, 'b>(root: &'b Object<'a>, key: &str) -> Option<&'b Object<'a>> {
     match root.get(key) {
         Some(Value::Object(name, object)) if name == "GwyDataField" => Some(object),

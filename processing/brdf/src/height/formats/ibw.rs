@@ -6,12 +6,12 @@ use super::bytes::{Cursor, Kind, Order, latin, numbers};
 use super::fault::{Fault, Outcome};
 use super::{Channel, Input, choose, size};
 
-/// Bytes of the headers of version 5: of the file and of the wave.
+/// Bytes of the headers of file and wave in version 5.
 const FILE_5: usize = 64;
 const WAVE_5: usize = 320;
-/// Bytes of the wave's header of older versions.
+/// Bytes of the wave header in older versions.
 const WAVE_2: usize = 110;
-/// Bytes of a label of an element.
+/// Bytes of a dimension label.
 const LABEL: usize = 32;
 
 /// Byte order and version.
@@ -24,7 +24,7 @@ fn version(bytes: &[u8]) -> Option<(Order, u16)> {
     }
 }
 
-/// Bytes of the file's header, and its field for the bytes of the wave.
+/// Bytes of the file header, and offset of its field for the size of the wave.
 fn head(version: u16) -> (usize, usize) {
     match version {
         1 => (8, 2),
@@ -34,7 +34,7 @@ fn head(version: u16) -> (usize, usize) {
     }
 }
 
-/// A version, a type of numbers and a size that fit each other; the version alone is two bytes of many files.
+/// Whether version, number type and size are consistent. The two bytes of the version occur in many other files.
 pub(super) fn is(bytes: &[u8]) -> bool {
     let Some((order, version)) = version(bytes) else { return false };
     let (file, field) = head(version);
@@ -130,7 +130,7 @@ fn five(input: &Input, order: Order) -> Outcome<Stored> {
     let unit = unit_um(&head.unit);
     let channel = |k: usize| {
         let name = labels.get(k).filter(|l| !l.is_empty()).cloned().unwrap_or_else(|| format!("layer {}", k + 1));
-        // One unit stands for all layers, phases and currents among them.
+        // All layers, phases and currents among them, share one stated unit.
         let (unit_um, unit) = if is_height(&name) { (unit, head.unit.clone()) } else { (None, "another unit".into()) };
         Channel { name, unit_um, unit }
     };
@@ -150,7 +150,7 @@ fn five(input: &Input, order: Order) -> Outcome<Stored> {
     Ok(stored.upside_down())
 }
 
-/// Whether the layer of that label can be heights: labels without a known word are.
+/// Whether the layer of this label may hold heights; unknown labels may.
 fn is_height(name: &str) -> bool {
     let lower = name.to_lowercase();
     !super::OTHERS
@@ -159,7 +159,7 @@ fn is_height(name: &str) -> bool {
         .any(|w| lower.contains(w))
 }
 
-/// Units in full, which replace the short ones, and the labels of the layers.
+/// Reads long units, which replace the short ones, and the labels of the layers.
 fn extras(rest: &mut Cursor, head: &mut Five, layers: usize) -> Outcome<Vec<String>> {
     rest.take(head.formula)?;
     rest.take(head.note)?;
@@ -176,7 +176,7 @@ fn extras(rest: &mut Cursor, head: &mut Five, layers: usize) -> Outcome<Vec<Stri
     }
     rest.take(head.labels[0].saturating_add(head.labels[1]))?;
     let labels = rest.take(head.labels[2])?;
-    // The first is that of the whole dimension.
+    // The first label is that of the whole dimension.
     Ok(labels.chunks(LABEL).skip(1).take(layers).map(latin).collect())
 }
 

@@ -2,7 +2,7 @@
 
 use super::fault::{Fault, Outcome};
 
-/// Pairs of a header, keys in lower case.
+/// Pairs of a header, with keys in lower case.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Keys(Vec<(String, String)>);
 
@@ -11,7 +11,7 @@ impl Keys {
         self.0.push((key.trim().to_lowercase(), value.trim().to_owned()));
     }
 
-    /// Adds `key = value`; other lines say nothing.
+    /// Adds a line `key = value`; other lines are ignored.
     pub(super) fn line(&mut self, line: &str, sign: char) {
         if let Some((key, value)) = line.split_once(sign) {
             self.add(key, value);

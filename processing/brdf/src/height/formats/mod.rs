@@ -1,4 +1,4 @@
-//! Files of AFMs and profilometers, each format in its own file and recognised by its content.
+//! Files of AFMs and profilometers, one module per format, recognised by their content.
 
 mod bcr;
 mod bytes;
@@ -18,20 +18,20 @@ mod x3p;
 use super::stored::Stored;
 use fault::{Fault, Outcome};
 
-/// A file in memory, and the channel that the user asks for.
+/// File in memory, and the requested channel.
 pub(super) struct Input<'a> {
     pub bytes: &'a [u8],
     pub channel: Option<&'a str>,
 }
 
-/// A format: its name in messages, how it is recognised, and its reader.
+/// Format: its name in messages, its recognition, and its reader.
 pub(super) struct Format {
     pub name: &'static str,
     pub is: fn(&[u8]) -> bool,
     pub read: fn(&Input) -> Outcome<Stored>,
 }
 
-/// All formats that are read.
+/// All supported formats.
 pub(super) const FORMATS: &[Format] = &[
     Format { name: "Gwyddion file (.gwy)", is: gwy::is, read: gwy::read },
     Format { name: "Igor binary wave (.ibw)", is: ibw::is, read: ibw::read },
@@ -43,29 +43,29 @@ pub(super) const FORMATS: &[Format] = &[
     Format { name: "BCR-STM file", is: bcr::is, read: bcr::read },
 ];
 
-/// The format that a file's content shows.
+/// Format of a file by its content.
 pub(super) fn recognise(bytes: &[u8]) -> Option<&'static Format> {
     FORMATS.iter().find(|format| (format.is)(bytes))
 }
 
 pub(super) use others::name as unread;
 
-/// A channel of a file.
+/// Channel of a file.
 pub(super) struct Channel {
     pub name: String,
-    /// µm of one unit of its values, if these are lengths.
+    /// µm per unit of its values, if these are lengths.
     pub unit_um: Option<f64>,
-    /// The unit as the file writes it.
+    /// Unit as written in the file.
     pub unit: String,
 }
 
-/// Words in the names of channels of heights, the best first, and of others that have units of length too.
+/// Words in the names of height channels, best first, and of other channels with units of length.
 const HEIGHTS: &[&str] =
     &["height", "topograph", "zsensor", "z sensor", "z-axis", "höhe", "hauteur", "altura", "topo", "surface"];
 const OTHERS: &[&str] =
     &["amplitude", "deflection", "error", "phase", "friction", "lateral", "current", "adhesion", "potential"];
 
-/// The channel that the user names (by name or number from 1), or else the first of heights; with a note for the report.
+/// Requested channel (by name or number from 1), or else the first height channel; with a note for the report.
 pub(super) fn choose(channels: &[Channel], wish: Option<&str>) -> Outcome<(usize, String)> {
     let names = || channels.iter().map(|c| c.name.as_str()).take(24).collect::<Vec<_>>().join(", ");
     let wrong = |problem: String| Fault::unsupported(problem, "name a channel of heights with --channel");
@@ -99,7 +99,7 @@ fn best(channels: &[Channel]) -> Option<usize> {
     named.or_else(|| plain().next()).map(|(k, _)| k)
 }
 
-/// Sizes of an image from numbers of a file.
+/// Size of an image from numbers in a file.
 pub(super) fn size(width: i64, rows: i64) -> Outcome<(usize, usize)> {
     let side = |n: i64| usize::try_from(n).ok().filter(|n| (1..=1 << 24).contains(n));
     match (side(width), side(rows)) {

@@ -1,5 +1,5 @@
-//! Nanoscope files of Digital Instruments, Veeco and Bruker, version 4.3 and newer: a text header, then images of integers, the lowest
-//! line first. Height = value / 2^bits · hard scale · sensitivity.
+//! Nanoscope files of Digital Instruments, Veeco and Bruker, version 4.3 and newer: a text header, then images of
+//! integers, lowest line first. Height = value / 2^bits · hard scale · sensitivity.
 
 use super::super::stored::{Pitch, Stored, ends};
 use super::super::text::unit::{quantity, unit_um};
@@ -8,10 +8,10 @@ use super::fault::{Fault, Outcome};
 use super::keys::Keys;
 use super::{Channel, Input, choose, size};
 
-/// Most bytes of the header.
+/// Largest header in bytes.
 const HEADER: usize = 4 << 20;
 
-/// Largest value of a 16-bit image, with some margin, that a 32-bit field can hold.
+/// Largest value, with some margin, of a 16-bit image in 32-bit fields.
 const SHORT: f64 = 40_000.0;
 
 pub(super) fn is(bytes: &[u8]) -> bool {
@@ -20,7 +20,7 @@ pub(super) fn is(bytes: &[u8]) -> bool {
         .any(|magic| bytes.starts_with(magic))
 }
 
-/// The sections of the header in their order.
+/// Sections of the header in their order.
 fn sections(bytes: &[u8]) -> Vec<(String, Keys)> {
     let head = &bytes[..bytes.len().min(HEADER)];
     let mut all: Vec<(String, Keys)> = vec![];
@@ -41,7 +41,7 @@ fn sections(bytes: &[u8]) -> Vec<(String, Keys)> {
     all
 }
 
-/// An image of the file.
+/// Image of the file.
 struct Image {
     offset: usize,
     length: usize,
@@ -83,7 +83,7 @@ pub(super) fn read(input: &Input) -> Outcome<Stored> {
     .upside_down())
 }
 
-/// Integers of an image, and the bits of its full scale.
+/// Integers of an image, and the number of bits of its full scale.
 fn values(bytes: &[u8], image: &Image) -> Outcome<(Vec<f64>, i32)> {
     let count = image.width * image.rows;
     let size = match image.length / count {
@@ -94,7 +94,7 @@ fn values(bytes: &[u8], image: &Image) -> Outcome<(Vec<f64>, i32)> {
             return Err(Fault::damaged(problem));
         }
     };
-    // Newer programs state 2 bytes and write 4.
+    // Newer programs state 2 bytes but write 4.
     let size = if image.length == count * image.stated { image.stated } else { size };
     let data = bytes.get(image.offset..).unwrap_or_default();
     let text = |b: &u8| b.is_ascii_digit() || b.is_ascii_whitespace() || b"+-.,;eE".contains(b);
@@ -127,7 +127,8 @@ fn image(list: &Keys, sections: &[(String, Keys)]) -> Outcome<Image> {
     Ok(Image { offset: whole("data offset")?, length: whole("data length")?, stated, width, rows, pitch, channel })
 }
 
-/// `V [Sens. Zsens] (0.006713867 V/LSB) 440.0 V` with `@Sens. Zsens: V 14.2 nm/V`: µm of the full scale, if it is a length, and the unit.
+/// Full scale in µm (if a length) and unit, from `V [Sens. Zsens] (0.006713867 V/LSB) 440.0 V` and
+/// `@Sens. Zsens: V 14.2 nm/V`.
 fn z_scale(list: &Keys, sections: &[(String, Keys)]) -> Outcome<(Option<f64>, String)> {
     let wrong = |text: &str| Fault::damaged(format!("its Z scale {text:.60} cannot be read"));
     let text = list.ending(":z scale").or_else(|| list.get("@z scale")).ok_or_else(|| wrong("is missing; it"))?;
@@ -157,7 +158,7 @@ fn z_scale(list: &Keys, sections: &[(String, Keys)]) -> Outcome<(Option<f64>, St
     Ok((unit_um(length).zip(ratio).map(|(um, ratio)| hard * factor * um * ratio), unit.to_owned()))
 }
 
-/// `Scan Size: 10 10 ~m` of the image, or one number for both axes.
+/// Pixel pitch from the image's `Scan Size: 10 10 ~m`, or one number for both axes.
 fn pitch(list: &Keys, sections: &[(String, Keys)], [width, rows]: [usize; 2]) -> Outcome<Pitch> {
     let scan =
         || sections.iter().filter(|(name, _)| name.contains("scan list")).find_map(|(_, keys)| keys.get("scan size"));

@@ -1,4 +1,5 @@
-//! Nanosurf files (`.nid`, `.ezd`): sections of `key=value`, then `#!` and the images in the order of their groups, the lowest line first.
+//! Nanosurf files (`.nid`, `.ezd`): sections of `key=value`, then `#!` and the images in the order of their groups,
+//! lowest line first.
 
 use super::super::stored::{Pitch, Stored};
 use super::super::text::unit::unit_um;
@@ -7,14 +8,14 @@ use super::fault::{Fault, Outcome};
 use super::keys::Keys;
 use super::{Channel, Input, choose, size};
 
-/// Most groups and images of a group.
+/// Largest number of groups, and of images per group.
 const MOST: i64 = 64;
 
 pub(super) fn is(bytes: &[u8]) -> bool {
     bytes.starts_with(b"[DataSet]")
 }
 
-/// An image and its place.
+/// Image and its position in the file.
 struct Image<'a> {
     keys: &'a Keys,
     offset: usize,

@@ -1,6 +1,6 @@
-//! Formats that are recognised and not read.
+//! Formats that are recognised but not supported.
 
-/// Beginnings of files, at an offset, and the names of their formats.
+/// Magic numbers at an offset, and names of their formats.
 const MAGICS: &[(usize, &[u8], &str)] = &[
     (0, b"DIGITAL SURF", "surface file of Digital Surf (.sur)"),
     (0, b"DSCOMPRESSED", "compressed surface file of Digital Surf (.sur)"),
@@ -41,7 +41,7 @@ const MAGICS: &[(usize, &[u8], &str)] = &[
     (0, b"ply\r", "PLY mesh"),
 ];
 
-/// The name of an unsupported format.
+/// Name of an unsupported format.
 pub(in crate::height) fn name(bytes: &[u8]) -> Option<&'static str> {
     let matches =
         |(at, magic, _): &&(usize, &[u8], &'static str)| bytes.get(*at..).is_some_and(|b| b.starts_with(magic));

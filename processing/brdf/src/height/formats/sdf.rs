@@ -1,4 +1,5 @@
-//! SDF of ISO 25178-71, as text (`aISO-1.0`) or binary (`bISO-1.0`); BCR-1.0 is its older name. Lengths in metres.
+//! SDF files (ISO 25178-71), as text (`aISO-1.0`) or binary (`bISO-1.0`), and their older form BCR-1.0. Lengths are in
+//! metres.
 
 use super::super::stored::{Pitch, Stored};
 use super::super::text::encoding;
@@ -50,7 +51,7 @@ impl Head {
             7 => Kind::F64,
             other => return Err(Fault::damaged(format!("its DataType {other} is unknown"))),
         };
-        // Some programs write a scale of 0 or NaN where there is none.
+        // Some programs write 0 or NaN for a missing scale.
         if !scales.iter().all(|s| s.is_finite() && *s > 0.0) {
             let [x, y, z] = scales;
             return Err(Fault::damaged(format!("its scales are {x}, {y} and {z} m")));
@@ -58,7 +59,7 @@ impl Head {
         Ok(Self { width, rows, scales, kind })
     }
 
-    /// Profiles begin at y = 0, the lowest row.
+    /// Profiles begin with the lowest row, y = 0.
     fn stored(self, values: Vec<f64>, how: &str) -> Stored {
         let [x, y, z] = self.scales.map(|s| s * 1e6);
         let y = if self.rows > 1 { y } else { x };
@@ -76,7 +77,7 @@ impl Head {
     }
 }
 
-/// Beginning of the data: a line `*`.
+/// A line `*` begins the data.
 fn text(bytes: &[u8]) -> Outcome<Stored> {
     let (text, _) = encoding::decode(bytes)?;
     let mut keys = Keys::default();
@@ -132,7 +133,7 @@ fn binary(bytes: &[u8]) -> Outcome<Stored> {
     let head = Head::new(points.into(), profiles.into(), scales, compression.into(), kind.into())?;
     let count = head.width * head.rows;
     let mut values = numbers(at.take(count * head.kind.size())?, count, head.kind, Order::Little)?;
-    // Bad points hold the least of a signed type, the most of an unsigned one.
+    // Bad points hold the minimum of a signed type, or the maximum of an unsigned one.
     let bad = match head.kind {
         Kind::U8 => f64::from(u8::MAX),
         Kind::U16 => f64::from(u16::MAX),

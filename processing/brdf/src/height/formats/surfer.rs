@@ -1,11 +1,11 @@
-//! Grids of Golden Software's Surfer: text (`DSAA`) and version 6 binary (`DSBB`). Rows from the lowest y.
+//! Grids of Golden Software's Surfer: text (`DSAA`) and version 6 binary (`DSBB`), rows from the lowest y.
 
 use super::super::stored::{Pitch, Stored};
 use super::bytes::{Cursor, Kind, Order, numbers};
 use super::fault::{Fault, Outcome};
 use super::{Input, size};
 
-/// Heights from here on are blank.
+/// Smallest value of blank points.
 const BLANK: f64 = 1.701_41e38;
 
 pub(super) fn is(bytes: &[u8]) -> bool {

@@ -1,5 +1,5 @@
-//! X3P (ISO 25178-72, earlier ISO 5436-2): a ZIP archive with `main.xml` and the heights as binary file or as list in the XML.
-//! Lengths in metres; the first row is the lowest.
+//! X3P archives (ISO 25178-72, earlier ISO 5436-2): a ZIP archive of `main.xml` and the heights, as a binary file or a
+//! list in the XML. Lengths are in metres; the first row is the lowest.
 
 use super::super::stored::{Pitch, Stored};
 use super::bytes::{Kind, Order, numbers};
@@ -10,12 +10,13 @@ use std::io::{Cursor, Read};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-/// Most bytes and nodes of `main.xml`, which may hold the heights (two nodes each, half a GiB of memory in all), and most files of an archive.
+/// Largest `main.xml` in bytes and nodes, and largest number of files of an archive. The XML may hold the heights, two
+/// nodes each, in half a GiB of memory.
 const MAX_XML: u64 = 64 << 20;
 const MAX_NODES: u32 = 8 << 20;
 const MAX_FILES: usize = 4096;
 
-/// How much rougher the wrong one of two readings of integers is, at least.
+/// Smallest ratio of the roughness of the wrong to the right signedness of integers.
 const ROUGHER: f64 = 4.0;
 
 type Archive<'a> = ZipArchive<Cursor<&'a [u8]>>;
@@ -65,7 +66,7 @@ fn broken(error: ZipError) -> Fault {
     }
 }
 
-/// A file of the archive, at most `most` bytes.
+/// Reads a file of the archive, at most `most` bytes.
 fn entry(archive: &mut Archive, name: &str, most: u64) -> Outcome<Vec<u8>> {
     let file = archive.by_name(name).map_err(|error| match error {
         ZipError::FileNotFound => Fault::damaged(format!("its archive has no {name:.80}")),
@@ -83,7 +84,7 @@ fn entry(archive: &mut Archive, name: &str, most: u64) -> Outcome<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The element of that name, in any namespace.
+/// Child element of this name, in any namespace.
 fn child<'a>(node: Node<'a, 'a>, name: &str) -> Option<Node<'a, 'a>> {
     node.children().find(|c| c.is_element() && c.tag_name().name() == name)
 }
@@ -102,7 +103,7 @@ fn number(node: Node, name: &str) -> Outcome<Option<f64>> {
     text(node, name).map(parse).transpose()
 }
 
-/// An axis: absolute or incremental, its type of numbers, increment and offset in m.
+/// Axis: absolute or incremental, its type of numbers, and increment and offset in m.
 struct Axis {
     incremental: bool,
     kind: Option<Kind>,
@@ -168,7 +169,7 @@ fn document<'a>(xml: &'a Document<'a>, archive: &mut Archive, folder: &str) -> O
         (None, None) => return Err(Fault::damaged("main.xml has neither DataLink nor DataList")),
     };
     let scale = z.increment.filter(|i| *i != 0.0).unwrap_or(1.0);
-    // An offset of all heights alters nothing that diffracts; rounding is better without it.
+    // A common height offset does not affect diffraction, and its omission reduces rounding errors.
     let _ = z.offset;
     let step =
         |axis: &Axis| axis.increment.filter(|i| *i > 0.0).ok_or_else(|| Fault::damaged("an axis has no increment"));
@@ -190,7 +191,7 @@ fn document<'a>(xml: &'a Document<'a>, archive: &mut Archive, folder: &str) -> O
     .upside_down())
 }
 
-/// Refuses axes that are turned.
+/// Refuses rotated axes.
 fn rotation<'a>(axes: Node<'a, 'a>) -> Outcome<()> {
     let Some(node) = child(axes, "Rotation") else { return Ok(()) };
     for (k, name) in ["r11", "r12", "r13", "r21", "r22", "r23", "r31", "r32", "r33"].into_iter().enumerate() {
@@ -218,7 +219,7 @@ fn datums<'a>(list: Node<'a, 'a>, count: usize) -> Outcome<Vec<f64>> {
     }
 }
 
-/// Heights of the binary file, NaN where the file of valid points says so.
+/// Heights of the binary file, NaN where the file of valid points marks them invalid.
 fn linked<'a>(
     link: Node<'a, 'a>,
     archive: &mut Archive,
@@ -253,7 +254,8 @@ fn linked<'a>(
     Ok((values, kind))
 }
 
-/// Integers are signed by the standard, and unsigned as some programs write them: where these differ, the smoother surface is right.
+/// Signedness of integers: signed by the standard, unsigned in some programs. If the results differ, the smoother
+/// surface is taken.
 fn signed(values: Vec<f64>, full: f64, width: usize) -> Outcome<Vec<f64>> {
     if values.iter().all(|v| *v >= 0.0) || values.iter().all(|v| *v < 0.0) {
         return Ok(values);
@@ -262,7 +264,7 @@ fn signed(values: Vec<f64>, full: f64, width: usize) -> Outcome<Vec<f64>> {
     let steps = |values: &[f64], to: usize| {
         values.iter().zip(&values[to.min(values.len())..]).map(|(a, b)| (b - a).abs()).sum::<f64>()
     };
-    // Steps to the right, the last of a row to the next one among them, and down.
+    // Steps to the right (also from the end of a row to the next row) and down.
     let rough = |values: &[f64]| steps(values, 1) + steps(values, width);
     let (a, b) = (rough(&values), rough(&unsigned));
     if b >= a * ROUGHER {

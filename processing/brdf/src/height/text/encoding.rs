@@ -1,12 +1,12 @@
-//! Text in the encodings that programs write: UTF-8, UTF-16 and UTF-32 with byte order marks, UTF-16 without, Windows-1252.
+//! Text encodings: UTF-8, UTF-16 and UTF-32 with byte order marks, UTF-16 without, Windows-1252.
 
 use super::super::formats::fault::{Fault, Outcome};
 use std::borrow::Cow;
 
-/// Decoded text, and the name of its encoding unless that is UTF-8.
+/// Decoded text, and the name of its encoding unless it is UTF-8.
 type Text<'a> = (Cow<'a, str>, Option<&'static str>);
 
-/// Bytes at the beginning that tell UTF-16 without a byte order mark.
+/// Number of bytes by which UTF-16 without a byte order mark is recognised.
 const PROBE: usize = 4096;
 
 /// Windows-1252 from 0x80 to 0x9f; unassigned bytes keep their value.
@@ -31,7 +31,7 @@ pub(in crate::height) fn decode(bytes: &[u8]) -> Outcome<Text<'_>> {
     }
 }
 
-/// Zero bytes at even and odd places of the beginning, counted only where most are of one sort.
+/// Counts zero bytes at even and odd positions of the beginning, if most of them have the same parity.
 fn zeros(bytes: &[u8]) -> [usize; 2] {
     let probe = &bytes[..bytes.len().min(PROBE) & !1];
     let mut found = [0; 2];
@@ -72,13 +72,13 @@ fn utf32(bytes: &[u8], unit: fn([u8; 4]) -> u32) -> Outcome<Text<'static>> {
     Ok((text.into(), Some("UTF-32")))
 }
 
-/// Lines with their numbers from 1, also those that carriage returns end.
+/// Lines with their numbers from 1, ended by line feeds or carriage returns.
 pub(in crate::height) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let end = if text.contains('\n') { '\n' } else { '\r' };
     text.split(end).enumerate().map(|(k, line)| (k + 1, line.trim_matches(['\r', '\u{1a}', '\u{feff}'])))
 }
 
-/// Whether a text holds characters that no text file has.
+/// Whether a text has characters that do not occur in text files.
 pub(in crate::height) fn is_binary(text: &str) -> bool {
     text.chars().any(|c| {
         c.is_control() && !matches!(c, '\t' | '\n' | '\r' | '\u{b}' | '\u{c}' | '\u{1a}' | '\u{80}'..='\u{9f}')

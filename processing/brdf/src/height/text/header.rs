@@ -1,9 +1,9 @@
-//! The header of a text grid: size, pitch, units and gaps, in the languages that programs write.
+//! Header of a text grid: size, pitch, units and gaps, in the languages of usual programs.
 
 use super::keys::{Key, find};
 use super::unit::{quantity, unit_in, unit_um};
 
-/// A named column: its axis, `x`, `y`, `z` or ` `, and its unit in µm.
+/// Named column: its axis, `x`, `y`, `z` or ` `, and its unit in µm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Column {
     pub axis: char,
@@ -17,27 +17,27 @@ pub(super) struct Header {
     pub rows: Option<usize>,
     pub width_um: Option<f64>,
     pub height_um: Option<f64>,
-    /// One size for both axes, in µm.
+    /// Common size of both axes, in µm.
     pub size_um: Option<f64>,
     pub pitch_um: [Option<f64>; 2],
     /// Pitch without a unit.
     pub bare: [Option<f64>; 2],
     pub unit_um: Option<f64>,
-    /// A unit of the values other than length.
+    /// Unit of the values that is not a length.
     pub other_unit: Option<String>,
-    /// µm of one unit of the values, where they are no lengths.
+    /// µm per unit of the values, if they are not lengths.
     pub factor_um: Option<f64>,
     pub nodata: Option<f64>,
     pub channel: Option<String>,
     /// Whether a number with a decimal comma was found.
     pub decimal_comma: bool,
-    /// A number whose comma separates decimals or thousands.
+    /// Number whose comma may separate decimals or thousands.
     pub ambiguous: Option<String>,
     /// Names of the columns in the last line before the numbers.
     pub names: Vec<Column>,
     /// Whether it is the header of an ESRI grid.
     pub esri: bool,
-    /// A contradiction, or a statement that cannot be applied.
+    /// Contradiction, or a statement that cannot be applied.
     pub problem: Option<String>,
 }
 
@@ -50,14 +50,15 @@ fn set<T: Copy + PartialEq>(problem: &mut Option<String>, name: &str, place: &mu
 }
 
 impl Header {
-    /// Whether it states both sizes of an image.
+    /// Whether both sizes of an image are stated.
     pub(super) fn is_sized(&self) -> bool {
         self.width_um.is_some() && self.height_um.is_some()
     }
 
-    /// Takes in `Name: value unit`, `# Name = value unit`, `name value`, `name;value;unit`; other lines may name the columns.
+    /// Parses `Name: value unit`, `# Name = value unit`, `name value` or `name;value;unit`; other lines may name the
+    /// columns.
     pub(super) fn take(&mut self, line: &str) {
-        // `h=650 w=650` holds two of them.
+        // `h=650 w=650` holds two pairs.
         if line.matches('=').count() > 1 && !line.contains(':') {
             line.split_whitespace().for_each(|part| self.statement(part));
         } else {
@@ -122,7 +123,7 @@ impl Header {
         }
     }
 
-    /// `10 µm`, or `10 x 8 µm`, `10 µm × 8 µm`.
+    /// Parses `10 µm`, `10 x 8 µm` or `10 µm × 8 µm`.
     fn size(&mut self, value: &str, length: Option<f64>) {
         let parts: Vec<_> = value.split(['x', '×', '*', 'X']).collect();
         if let [first, second] = parts[..]
@@ -157,7 +158,7 @@ impl Header {
     }
 }
 
-/// A key in lower case without unit and punctuation.
+/// Key in lower case without unit and punctuation.
 fn bare(name: &str) -> String {
     name.split(['[', '(', '{']).next().unwrap_or_default().trim().trim_matches(['"', '.']).to_lowercase()
 }
@@ -168,7 +169,7 @@ fn counts(name: &str) -> bool {
         && matches!(find(name), Some(Key::Columns | Key::Rows))
 }
 
-/// Whether a number is a decimal with a comma, `6,4`, or can be one of thousands, `1,200`; none without a comma.
+/// Whether a comma is decimal, as in `6,4`, or may separate thousands, as in `1,200`; `None` without a comma.
 fn comma(value: &str) -> Option<bool> {
     let digits = |c: char| c.is_ascii_digit();
     let (whole, after) = value.split_once(',')?;
@@ -178,7 +179,7 @@ fn comma(value: &str) -> Option<bool> {
     (!fraction.is_empty()).then_some(!thousands)
 }
 
-/// Where the name ends in `ncols 64`.
+/// End of the name in `ncols 64`.
 fn key_end(line: &str) -> Option<usize> {
     let number =
         |at: usize| line[at..].trim_start().starts_with(|c: char| c.is_ascii_digit() || matches!(c, '+' | '-' | '.'));
@@ -234,7 +235,7 @@ fn names(line: &str) -> Vec<Column> {
 mod tests {
     use super::*;
 
-    /// Found by fuzzing: a word with two signs was divided without end.
+    /// Found by fuzzing: endless division of a word with two signs.
     #[test]
     fn two_equals_signs_in_a_word_end() {
         let mut header = Header::default();

@@ -1,4 +1,4 @@
-//! Keys of headers in the languages that programs write.
+//! Keys of headers in the languages of usual programs.
 
 /// Meaning of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +20,7 @@ pub(super) enum Key {
     Channel,
 }
 
-/// Keys in lower case, separated by bars; brackets and punctuation aside.
+/// Keys in lower case, separated by bars, without brackets and punctuation.
 pub(super) const KEYS: &[(Key, &[&str])] = &[
     (
         Key::Columns,
@@ -103,12 +103,12 @@ pub(super) const KEYS: &[(Key, &[&str])] = &[
     (Key::Channel, &["channel|kanal|canal|canale|kanaal|チャンネル|канал"]),
 ];
 
-/// Whether the keys of an entry hold this one.
+/// Whether the keys of an entry include this one.
 pub(super) fn holds(keys: &[&str], name: &str) -> bool {
     keys.iter().flat_map(|line| line.split('|')).any(|key| key == name)
 }
 
-/// The meaning of a key.
+/// Meaning of a key.
 pub(super) fn find(name: &str) -> Option<Key> {
     KEYS.iter().find(|(_, keys)| holds(keys, name)).map(|(key, _)| *key)
 }

@@ -1,4 +1,4 @@
-//! Grids, points and profiles of numbers as text.
+//! Grids, points and profiles as text.
 
 pub(super) mod encoding;
 mod header;
@@ -18,7 +18,7 @@ use nacre_base::{Error, Result};
 use std::path::Path;
 use table::Table;
 
-/// Values that programs write where nothing was measured.
+/// Values that programs write for missing measurements.
 const SENTINELS: &[f64] = &[
     -9999.0,
     -99999.0,
@@ -48,7 +48,7 @@ const SENTINELS: &[f64] = &[
     -1e20,
 ];
 
-/// How much farther than all others spread such a value must be away from them.
+/// Smallest distance of such a value from all others, relative to their spread.
 const AWAY: f64 = 5.0;
 
 /// Remedy for ambiguous text.
@@ -94,7 +94,7 @@ fn interpret(mut table: Table) -> std::result::Result<Stored, Fault> {
     }
     let whole = header.columns.zip(header.rows).filter(|(c, r)| c.checked_mul(*r) == Some(table.values.len()));
     let width = match (whole, table.ragged) {
-        // All in one line, or wrapped: the header says where rows end.
+        // One line, or wrapped lines: the header states the length of rows.
         (Some((columns, _)), _) => columns,
         (None, Some((line, found, before))) => {
             return Err(Fault::damaged(format!("line {line} has {found} heights, those before {before}")));
@@ -119,7 +119,7 @@ fn interpret(mut table: Table) -> std::result::Result<Stored, Fault> {
     Ok(stored)
 }
 
-/// Rows of pixels.
+/// Matrix of pixels.
 fn matrix(table: &Table, values: Vec<f64>, width: usize) -> std::result::Result<Stored, Fault> {
     let header = &table.header;
     let rows = values.len() / width.max(1);
@@ -141,14 +141,14 @@ fn matrix(table: &Table, values: Vec<f64>, width: usize) -> std::result::Result<
             return Err(Fault::damaged(format!("line 2 has {width} heights, those before {first}")));
         }
     }
-    // Where the header states the size, there is no room for coordinates.
+    // A stated size leaves no room for coordinates.
     if !header.is_sized() && header.columns.is_none() {
         coordinates(&values, width, rows)?;
     }
     Ok(Stored { width, rows, pitch: pitch(header, width, rows), values, ..Stored::default() })
 }
 
-/// Refuses a first column or row that counts or holds coordinates.
+/// Refuses a first column or row of indices or coordinates.
 fn coordinates(values: &[f64], width: usize, rows: usize) -> std::result::Result<(), Fault> {
     // Column and row 0 may share a corner without a number.
     let column = |x: usize, from: usize| (from..rows).map(move |y| values[y * width + x]);
@@ -168,17 +168,17 @@ fn coordinates(values: &[f64], width: usize, rows: usize) -> std::result::Result
     Ok(())
 }
 
-/// Whether numbers rise or fall evenly.
+/// Whether numbers are evenly spaced.
 fn runs(values: impl Iterator<Item = f64> + Clone) -> bool {
     let count = values.clone().count();
     let (Some(first), Some(last)) = (values.clone().next(), values.clone().last()) else { return false };
     let step = (last - first) / (count as f64 - 1.0);
-    // Few numbers may rise evenly by chance.
+    // Few numbers may be evenly spaced by chance.
     let tolerance = step.abs() * if count < 8 { 1e-6 } else { 0.02 };
     step != 0.0 && values.enumerate().all(|(k, v)| (v - first - k as f64 * step).abs() <= tolerance)
 }
 
-/// Whether most steps of two sequences are alike.
+/// Whether most steps of two sequences are equal.
 fn alike(one: impl Iterator<Item = f64> + Clone, other: impl Iterator<Item = f64> + Clone) -> bool {
     let pairs = one.clone().zip(one.skip(1)).zip(other.clone().zip(other.skip(1)));
     let (mut same, mut all) = (0, 0);
@@ -189,7 +189,7 @@ fn alike(one: impl Iterator<Item = f64> + Clone, other: impl Iterator<Item = f64
     2 * same > all
 }
 
-/// Pitch that a header states for a grid.
+/// Pitch stated by a header for a grid.
 fn pitch(header: &Header, width: usize, rows: usize) -> Pitch {
     let across = header.width_um.map(|um| um / width as f64);
     let down = header.height_um.map(|um| um / rows as f64);
@@ -209,7 +209,7 @@ fn pitch(header: &Header, width: usize, rows: usize) -> Pitch {
     }
 }
 
-/// The unit of the values.
+/// Applies the unit of the values.
 fn units(header: &Header, stored: &mut Stored) -> std::result::Result<(), Fault> {
     if let (Some(a), Some(b)) = (stored.unit_um, header.unit_um)
         && a != b
@@ -227,7 +227,7 @@ fn units(header: &Header, stored: &mut Stored) -> std::result::Result<(), Fault>
     }
 }
 
-/// Gaps by the header's word, and values that stand for gaps by habit.
+/// Marks gaps: the header's value, and values that usually denote gaps.
 fn gaps(header: &Header, stored: &mut Stored) -> std::result::Result<(), Fault> {
     let nodata = header.nodata.or(header.esri.then_some(-9999.0));
     if let Some(gap) = nodata {

@@ -1,6 +1,6 @@
-//! Numbers, gaps and the style of a table: separator and decimal sign.
+//! Numbers, gaps and style of a table: separator and decimal sign.
 
-/// Words that stand for a height that was not measured, in lower case.
+/// Words for missing heights, in lower case.
 const GAPS: &[&str] = &[
     "nan",
     "+nan",
@@ -87,13 +87,13 @@ const GAPS: &[&str] = &[
     "_",
 ];
 
-/// Whether a cell stands for a gap.
+/// Whether a cell denotes a gap.
 pub(super) fn is_gap(cell: &str) -> bool {
     let cell = cell.trim_matches(['"', '\'']).trim().to_lowercase();
     GAPS.contains(&cell.as_str())
 }
 
-/// A number with this decimal sign; nothing for other signs, thousands separators and words.
+/// Number with this decimal sign; `None` for other signs, thousands separators and words.
 pub(super) fn number(cell: &str, decimal: char) -> Option<f64> {
     let cell = cell.trim_matches(['"', '\'']).trim();
     // The usual case needs no copy.
@@ -121,7 +121,7 @@ pub(super) fn number(cell: &str, decimal: char) -> Option<f64> {
     plain(&turned)
 }
 
-/// Whether all words of a line are numbers or gaps, whatever separates them, and one at least is a number.
+/// Whether all words of a line are numbers or gaps, with any separators, and at least one is a number.
 pub(super) fn is_row(line: &str) -> bool {
     let mut numbers = 0;
     let words = line.split([' ', '\t', ';', '|', ',']).map(str::trim).filter(|w| !w.is_empty());
@@ -135,7 +135,7 @@ pub(super) fn is_row(line: &str) -> bool {
     numbers > 0
 }
 
-/// Sign between the cells of a row.
+/// Separator of the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Separator {
     Tab,
@@ -156,7 +156,7 @@ impl Separator {
         }
     }
 
-    /// Calls `each` with every cell of a line, empty ones included where a sign separates them.
+    /// Calls `each` with every cell of a line, also empty ones between separators other than blanks.
     pub(super) fn cells<'a>(self, line: &'a str, mut each: impl FnMut(&'a str)) {
         match self.sign() {
             Some(sign) => line.split(sign).for_each(|cell| each(cell.trim())),
@@ -165,17 +165,17 @@ impl Separator {
     }
 }
 
-/// How a table is written.
+/// Style of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Style {
     pub separator: Separator,
     pub decimal: char,
-    /// Every row ends with a separator, or begins with one.
+    /// Whether every row ends or begins with a separator.
     pub ends_with: bool,
     pub begins_with: bool,
 }
 
-/// Evidence of the style of rows of numbers, gathered line by line.
+/// Evidence of the style of rows of numbers, collected line by line.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Signs {
     lines: usize,
@@ -184,40 +184,40 @@ pub(super) struct Signs {
     bars: usize,
     commas: usize,
     points: usize,
-    /// Lines with white space between words.
+    /// Number of lines with white space between words.
     spaced: usize,
-    /// Lines that end and begin with their sign.
+    /// Number of lines that begin and end with their separator.
     ends: usize,
     begins: usize,
-    /// Words of digits, one comma and digits.
+    /// Number of words of digits with one comma inside.
     fractions: usize,
     /// Of these, those that cannot be groups of thousands: `0,5`, `12,25`.
     not_thousands: usize,
-    /// Words that end with a comma, begin with one, or hold more than one.
+    /// Words that begin or end with a comma, or have several.
     trailing: usize,
     leading: usize,
     several: usize,
     words: usize,
-    /// Integers with zeros in front, of the parts that commas separate.
+    /// Integers with leading zeros, among the parts between commas.
     zeros: usize,
-    /// Cells between commas that no integer is.
+    /// Parts between commas that are not integers.
     broken: usize,
-    /// Digits of the second of each two cells between commas: all alike, or 0.
+    /// Number of digits of every second part between commas, if equal, else 0.
     second: Option<usize>,
     second_varies: bool,
     first_varies: bool,
     first: Option<usize>,
     odd: bool,
-    /// Cells between commas that a quotation mark begins and does not end.
+    /// Parts between commas with an unclosed quotation mark.
     torn: usize,
-    /// A word with comma and point.
+    /// Word with comma and point.
     mixed: Option<usize>,
-    /// The first word with a comma.
+    /// First word with a comma.
     sample: Option<String>,
 }
 
 impl Signs {
-    /// Takes in a row.
+    /// Adds a row.
     pub(super) fn add(&mut self, at: usize, line: &str) {
         self.lines += 1;
         self.tabs += usize::from(line.contains('\t'));
@@ -267,7 +267,7 @@ impl Signs {
         }
     }
 
-    /// Cells that commas separate.
+    /// Counts the parts between commas.
     fn parts(&mut self, line: &str) {
         let mut count = 0;
         for (k, cell) in line.trim_end_matches(',').split(',').map(str::trim).enumerate() {
@@ -290,8 +290,9 @@ impl Signs {
         self.odd |= count % 2 == 1;
     }
 
-    /// The style, or its ambiguity. `decimal_comma`: the header writes decimal commas. `relative`: only the ratio of the
-    /// values counts.
+    /// Style of the table, or a description of its ambiguity.
+    ///
+    /// `decimal_comma`: the header has decimal commas. `relative`: only the ratio of the values matters.
     pub(super) fn style(&self, decimal_comma: bool, relative: bool) -> Result<Style, String> {
         let sample = self.sample.as_deref().unwrap_or_default();
         let separator = self.separator()?;
@@ -307,7 +308,7 @@ impl Signs {
         if comma_inside && self.points > 0 {
             return Err(format!("holds numbers with decimal points and others with commas, such as {sample}"));
         }
-        // With a common factor, thousands and decimals are the same surface.
+        // Up to a common factor, thousands and decimals are the same surface.
         let alike = relative && self.fractions == self.words;
         if comma_inside && self.not_thousands == 0 && !decimal_comma && !alike {
             return Err(format!("holds numbers such as {sample}, which are read as decimals or as thousands"));
@@ -331,7 +332,7 @@ impl Signs {
             return Ok(Separator::Space);
         }
         if self.spaced > 0 && self.fractions > 0 {
-            // `1,5 2,5` against `1.5, 2.5` and `1, 2`; `1,5, 2,5` is both.
+            // `1,5 2,5` versus `1.5, 2.5` and `1, 2`; `1,5, 2,5` is ambiguous.
             let lists = self.trailing + self.leading > 0;
             if !lists {
                 return Ok(Separator::Space);
@@ -341,7 +342,7 @@ impl Signs {
         self.comma()
     }
 
-    /// Commas alone: separators, unless they may be decimal signs.
+    /// Only commas: separators, unless they may be decimal signs.
     fn comma(&self) -> Result<Separator, String> {
         if self.torn > 0 {
             return Err("holds numbers with commas in quotation marks".into());

@@ -5,16 +5,16 @@ use super::super::stored::{Pitch, Stored};
 use super::super::{MAX_PIXELS, MAX_SIDE};
 use super::table::Table;
 
-/// Deviation of a coordinate from its place on the grid, in steps: rounding to few digits.
+/// Largest deviation of a coordinate from the grid, in steps, for rounded coordinates.
 const OFF: f64 = 0.05;
 
-/// Most columns of a list of points.
+/// Largest number of columns of a list of points.
 const MAX_COLUMNS: usize = 12;
 
-/// Remedy for points that are no grid.
+/// Remedy for points that are not a grid.
 const REMEDY: &str = "resample the points to a regular grid, and export a matrix or all points x y z";
 
-/// The heights of a list of points or a profile; none for a matrix.
+/// Heights of a list of points or a profile; `None` for a matrix.
 pub(super) fn of(table: &Table, width: usize) -> Result<Option<Stored>, Fault> {
     let rows = table.values.len() / width.max(1);
     let stated = table.header.columns == Some(width);
@@ -28,7 +28,7 @@ pub(super) fn of(table: &Table, width: usize) -> Result<Option<Stored>, Fault> {
         (Some(x), None, Some(z)) if names => return profile(table, [x, z]).map(Some),
         _ => {}
     }
-    // A header with both sizes of an image belongs to a matrix, however narrow.
+    // If the header states both sizes of an image, it is a matrix, however narrow.
     let narrow = |fault| if table.header.is_sized() { Ok(None) } else { Err(fault) };
     match width {
         1 if rows > 1 => {
@@ -37,7 +37,7 @@ pub(super) fn of(table: &Table, width: usize) -> Result<Option<Stored>, Fault> {
         }
         2 if rows > 2 => profile(table, [0, 1]).map(Some).or_else(narrow),
         3 if rows > 3 => grid(table, [0, 1, 2]).map(Some).or_else(narrow),
-        // More columns than coordinates: refused rather than taken for a narrow matrix.
+        // More columns than coordinates: refused rather than read as a narrow matrix.
         4.. if rows > width && is_grid(table, width) => {
             let problem = format!("holds points of {width} numbers without names");
             Err(Fault::unsupported(problem, "keep the columns x, y and z, or name the columns"))
@@ -46,7 +46,7 @@ pub(super) fn of(table: &Table, width: usize) -> Result<Option<Stored>, Fault> {
     }
 }
 
-/// Whether the first two columns are all places of a grid.
+/// Whether the first two columns contain all positions of a grid.
 fn is_grid(table: &Table, width: usize) -> bool {
     let column = |k: usize| Axis::of(table.values.chunks_exact(width).map(|row| row[k]));
     match (column(0), column(1)) {
@@ -63,7 +63,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// The different values of a coordinate, where these are evenly spaced.
+    /// Axis of the distinct values of a coordinate; `None` if they are not evenly spaced.
     fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = values.collect();
         if sorted.is_empty() || sorted.iter().any(|v| !v.is_finite()) {
@@ -83,13 +83,13 @@ impl Axis {
     }
 }
 
-/// µm of a unit of the columns; the header's plain unit counts for all.
+/// µm per unit of a column; the header's plain unit applies to all columns.
 fn unit(table: &Table, column: usize) -> Option<f64> {
     let names = &table.header.names;
     (names.len() == table.width).then(|| names[column].unit_um).flatten()
 }
 
-/// Columns x, y, z to rows from the top, y upwards.
+/// Converts columns x, y, z to rows from the top, y upwards.
 fn grid(table: &Table, [x, y, z]: [usize; 3]) -> Result<Stored, Fault> {
     let rows = || table.values.chunks_exact(table.width);
     let irregular = |problem: String| Fault::unsupported(problem, REMEDY);
@@ -141,7 +141,7 @@ fn pitch(unit: Option<f64>, step: [f64; 2]) -> Pitch {
     }
 }
 
-/// Columns x and z to one row.
+/// Converts columns x and z to one row.
 fn profile(table: &Table, [x, z]: [usize; 2]) -> Result<Stored, Fault> {
     let rows = || table.values.chunks_exact(table.width);
     let axis = Axis::of(rows().map(|row| row[x])).filter(|axis| axis.count == rows().len() && axis.count > 1);

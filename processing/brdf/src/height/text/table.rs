@@ -1,27 +1,27 @@
-//! The rows of a text grid.
+//! Rows of a text grid.
 
 use super::super::MAX_PIXELS;
 use super::encoding::lines;
 use super::header::Header;
 use super::number::{Signs, Style, is_gap, is_row, number};
 
-/// Most numbers of a table: three for each point.
+/// Largest number of values of a table: three per point.
 const MAX_NUMBERS: usize = 3 * MAX_PIXELS;
 
-/// Rows of numbers under their header.
+/// Rows of numbers with their header.
 #[derive(Debug, Default)]
 pub(super) struct Table {
     pub header: Header,
     pub style: Option<Style>,
-    /// Numbers of a row.
+    /// Numbers per row.
     pub width: usize,
-    /// Row by row; NaN for gaps.
+    /// Values row by row; NaN for gaps.
     pub values: Vec<f64>,
-    /// A first row that states the size: one or two integers.
+    /// First row of one or two integers that state the size.
     pub stated: Vec<f64>,
-    /// A row of another length than the first: its line, and the lengths of both.
+    /// Row of another length than the first: its line, and both lengths.
     pub ragged: Option<(usize, usize, usize)>,
-    /// Blocks of rows that blank lines separate, where one has several rows; else 0.
+    /// Number of blocks separated by blank lines, if any has several rows, else 0.
     pub blocks: usize,
 }
 
@@ -31,12 +31,12 @@ struct Extent {
     last: usize,
 }
 
-/// A line that no row interrupts: a comment.
+/// Whether a line is a comment, which does not interrupt rows.
 fn is_comment(line: &str) -> bool {
     line.trim_start().starts_with(['#', '%', '!']) || line.trim_start().starts_with("//")
 }
 
-/// Lines that say something.
+/// Lines with content.
 fn contents(text: &str) -> impl Iterator<Item = (usize, &str)> {
     lines(text).filter(|(_, line)| !line.trim().is_empty())
 }
@@ -50,10 +50,10 @@ fn extent(text: &str) -> Option<Extent> {
 }
 
 impl Table {
-    /// Reads the rows of a text; `relative` where only the ratio of the values counts.
+    /// Reads the rows of a text. `relative` states that only the ratio of the values matters.
     ///
     /// # Errors
-    /// A line that is not a row of numbers, or numbers of an ambiguous style.
+    /// A line that is not a row of numbers, or numbers of ambiguous style.
     pub(super) fn read(text: &str, relative: bool) -> Result<Self, String> {
         let Some(Extent { first, last }) = extent(text) else {
             return Err("is neither an image nor a grid of numbers".into());
@@ -90,7 +90,7 @@ impl Table {
 
     fn row(&mut self, at: usize, line: &str, style: Style) -> Result<(), String> {
         let line = line.trim_matches(' ');
-        // A separator at the ends of all rows ends no cell.
+        // A separator at the ends of all rows does not end a cell.
         let signs = ['\t', ';', ',', '|'];
         let line = if style.ends_with { line.strip_suffix(signs).unwrap_or(line) } else { line };
         let line = if style.begins_with { line.strip_prefix(signs).unwrap_or(line) } else { line };
@@ -128,7 +128,7 @@ impl Table {
     }
 }
 
-/// Rows that blank lines separate.
+/// Blocks of rows that blank lines separate.
 #[derive(Default)]
 struct Blocks {
     /// Whether a blank line followed the last row.
@@ -155,13 +155,13 @@ impl Blocks {
     }
 }
 
-/// Cells of a line of gaps; 0 for other lines.
+/// Number of cells of a line of gaps; 0 for other lines.
 fn gap_cells(line: &str) -> usize {
     let words = line.split([' ', '\t', ';', ',', '|']).map(str::trim).filter(|w| !w.is_empty());
     if words.clone().all(is_gap) { words.count() } else { 0 }
 }
 
-/// Lines after the numbers.
+/// Checks lines after the numbers.
 fn trailing(at: usize, line: &str) -> Result<(), String> {
     let empty = line.trim_matches([' ', '\t', ';', ',', '|']).is_empty();
     if is_comment(line) || empty {

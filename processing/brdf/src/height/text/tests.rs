@@ -1,8 +1,8 @@
-//! Text as programs write it: read right, or refused by its ambiguity.
+//! Text of usual programs: read correctly, or refused as ambiguous.
 
 use super::super::{HeightField, Scale, read};
 
-/// Heights in nm, none of whose rows or columns rises evenly.
+/// Heights in nm; no row or column is evenly spaced.
 const NM: [[f64; 4]; 3] = [[10.25, 31.5, 7.75, 44.0], [12.5, 90.25, 3.0, 61.125], [55.5, 20.0, 18.25, 9.5]];
 
 fn file(bytes: &[u8], scale: &Scale) -> nacre_base::Result<HeightField> {
@@ -16,7 +16,7 @@ fn flags(pixel_um: f64, range_um: f64) -> Scale {
     Scale { pixel_um: Some(pixel_um), range_um: Some(range_um), ..Scale::default() }
 }
 
-/// The rows with this separator and decimal sign.
+/// Rows with this separator and decimal sign.
 fn rows(separator: &str, decimal: &str) -> String {
     let row = |r: &[f64; 4]| r.map(|v| format!("{v:.3}").replace('.', decimal)).join(separator);
     NM.iter().map(row).collect::<Vec<_>>().join("\n")
@@ -30,13 +30,13 @@ fn is_patch(field: &HeightField, name: &str) {
     }
 }
 
-/// Read by flags alone.
+/// Reads with a scale from options only.
 fn plain(bytes: &[u8], name: &str) {
     let field = file(bytes, &flags(0.3, 0.08725)).unwrap_or_else(|e| panic!("{name}: {e}"));
     is_patch(&field, name);
 }
 
-/// Read by its header alone.
+/// Reads with a scale from the header only.
 fn headed(bytes: &[u8], name: &str) {
     let field = file(bytes, &Scale::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
     is_patch(&field, name);
@@ -154,7 +154,7 @@ fn numbers_with_two_readings_are_refused() {
     let scale = Scale { pixel_um: Some(0.3), ..Scale::default() };
     assert!(file(with_unit, &scale).unwrap_err().to_string().contains("thousands"));
     refused(&format!("Width: 1,200 nm\nHeight: 900 nm\nUnit: nm\n{}", rows(" ", ".")), &["1,200 nm", "thousands"]);
-    // A header with decimal commas decides.
+    // A header with decimal commas resolves the ambiguity.
     let decided = b"Breite: 0,6 \xb5m\nH\xf6he: 0,6 \xb5m\nEinheit: nm\n1,234\t5,678\n2,345\t6,789\n";
     assert!((file(decided, &Scale::default()).unwrap().range_um() - 5.555e-3).abs() < 1e-9);
 }
@@ -219,7 +219,7 @@ fn grids_of_esri_state_a_pitch_without_unit() {
     let unknown = problem(text("cellsize 0.3"), Scale { range_um: Some(0.1), ..Scale::default() });
     assert!(unknown.contains("in which unit") && unknown.contains("--pixel-um"), "{unknown}");
     assert!(problem(text("cellsize 0.3").replace("NROWS 3", "NROWS 4"), flags(0.3, 0.1)).contains("says 4"));
-    // Rows may be wrapped where the header says how long they are.
+    // Rows may be wrapped if the header states their length.
     plain(text("cellsize 0.3").replace("31.500 ", "31.500\n").as_bytes(), "wrapped");
 }
 
@@ -305,15 +305,15 @@ fn indices_and_coordinates_are_no_heights() {
         .chain(rows(";", ".").lines().enumerate().map(|(k, l)| format!("{};{l}\n", k as f64 * 0.3)))
         .collect();
     refused(&frame, &["first"]);
-    // A slope that all columns share is a slope.
+    // A common slope of all columns is part of the surface.
     let slope: String =
         (0..6).map(|y| (0..5).map(|x| format!("{} ", 2 * x + 7 * y)).collect::<String>() + "\n").collect();
     assert!(file(slope.as_bytes(), &flags(0.3, 0.1)).is_ok());
-    // A narrow matrix whose header states both sizes.
+    // Narrow matrix whose header states both sizes.
     let narrow = "Width: 0.9 µm\nHeight: 1.2 µm\nUnit: nm\n1 5 2\n2 7 1\n3 1 1\n4 8 9\n";
     let field = file(narrow.as_bytes(), &Scale::default()).unwrap();
     assert_eq!((field.width, field.height), (3, 4));
-    // A size before the rows.
+    // Size before the rows.
     plain(format!("4 3\n{}", rows(" ", ".")).as_bytes(), "size first");
     refused(&format!("4 5\n{}", rows(" ", ".")), &["line 2"]);
 }
@@ -333,7 +333,7 @@ fn contradictions_and_other_tables_are_refused() {
     assert!(with(None, Some(87.25)).unwrap_err().to_string().contains("--range-um says 87.25"));
 }
 
-/// Damaged text ends in an error or a grid.
+/// Damaged text gives an error or a grid.
 #[test]
 fn damaged_text_never_panics() {
     let rounds = std::env::var("NACRE_FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(1500);
@@ -375,7 +375,7 @@ fn damaged_text_never_panics() {
     }
 }
 
-/// Gaps are filled where that is asked for, and pixels that are not square become so.
+/// Gaps are filled on request, and oblong pixels become square.
 #[test]
 fn gaps_and_oblong_pixels_are_interpolated() {
     let grid = |gap: &str, sides: &str| {

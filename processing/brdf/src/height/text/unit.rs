@@ -1,6 +1,6 @@
-//! Units of length as programs write them.
+//! Units of length in usual spellings.
 
-/// µm of a unit of length, in one of its spellings.
+/// µm per unit of length, in one of its spellings.
 pub(in crate::height) fn unit_um(name: &str) -> Option<f64> {
     let name = name.trim().trim_matches(['[', ']', '(', ')', '{', '}', '"', '\'', ',', ';', '.']).trim();
     let (name, per) = name.split_once('/').unwrap_or((name, ""));
@@ -63,7 +63,7 @@ pub(in crate::height) fn unit_um(name: &str) -> Option<f64> {
     })
 }
 
-/// Units in capitals, as some headers have them: `NM`, `UM`.
+/// Units in capitals, as in some headers: `NM`, `UM`.
 fn unit_um_lower(name: &str) -> Option<f64> {
     Some(match name {
         "nm" => 1e-3,
@@ -72,7 +72,7 @@ fn unit_um_lower(name: &str) -> Option<f64> {
     })
 }
 
-/// The unit of length in a column's or a key's name: `X [nm]`, `x (µm)`, `x in µm`, `X_(microns)`, `z/nm`, `height nm`.
+/// Unit of length in the name of a column or key: `X [nm]`, `x (µm)`, `x in µm`, `X_(microns)`, `z/nm`, `height nm`.
 pub(in crate::height) fn unit_in(name: &str) -> Option<f64> {
     let bracketed = name
         .split(['[', '(', '{'])
@@ -84,14 +84,14 @@ pub(in crate::height) fn unit_in(name: &str) -> Option<f64> {
     }
     let mut words = name.split([' ', '_', '/', ':']).filter(|w| !w.is_empty());
     let first = words.next()?;
-    // A single word is a name, not a unit, unless it cannot be a name.
+    // A single word is a name rather than a unit, unless it cannot be a name.
     match words.next_back() {
         Some(last) => unit_um(last),
         None => unit_um(first).filter(|_| !matches!(first, "m" | "u" | "A" | "a")),
     }
 }
 
-/// A number with an optional unit, `6,4 µm` or `6.4e-6m`, and its decimal sign.
+/// Number with an optional unit, `6,4 µm` or `6.4e-6m`, and its decimal sign.
 pub(in crate::height) fn quantity(text: &str) -> Option<(f64, &str)> {
     let text = text.trim().trim_matches(['"', '\'']);
     let mut end = 0;

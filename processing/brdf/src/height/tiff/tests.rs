@@ -1,4 +1,4 @@
-//! Height maps as microscopes and ImageJ write them.
+//! Height maps of microscopes and ImageJ.
 
 use super::super::{HeightField, Scale, read};
 use std::path::Path;
@@ -77,7 +77,7 @@ fn signed_wide_and_float_samples_are_heights() {
     assert!((short.step_um.unwrap() - 1e-3).abs() < 1e-12 && short.notes[0].contains("signed 16-bit"));
     with(made::<colortype::GrayI32>(&levels.map(|v| v * 1000), plain, Some(0.3), Some(0.5)));
     with(made::<colortype::Gray32>(&levels.map(|v| (v + 200) as u32 * 7), plain, Some(0.3), Some(0.5)));
-    // Floats in nm, µm or m: a range is from the lowest to the highest, whatever the unit.
+    // Floats in nm, µm or m: a range is from the lowest to the highest point in any unit.
     for unit in [1.0_f32, 1e-3, 1e-9] {
         let field = with(made::<colortype::Gray32Float>(&levels.map(|v| v as f32 * unit), plain, Some(0.3), Some(0.5)));
         assert!(field.step_um.is_none());
@@ -85,7 +85,7 @@ fn signed_wide_and_float_samples_are_heights() {
     let gap = [0.0, 1.0, f32::NAN, 2.0, 3.0, 4.0];
     assert!(problem(made::<colortype::Gray32Float>(&gap, plain, Some(0.3), Some(0.5))).contains("column 2, row 0"));
     assert!(problem(made::<colortype::GrayI16>(&[0; 6], plain, Some(0.3), None)).contains("--range-um"));
-    // Integers without sign are from black to white, as before.
+    // Unsigned integers are from black to white.
     let grey = made::<colortype::Gray16>(&[0, 13_107, 26_214, 0, 0, 0], plain, Some(0.3), Some(0.5)).unwrap();
     close(&grey.um[..3], &[0.0, 0.1, 0.2]);
 }
@@ -114,7 +114,7 @@ fn imagej_states_pitch_and_unit() {
     assert!((in_unit("cm", [(80_000, 1), (80_000, 1)]).unwrap().pixel_um - 0.125).abs() < 1e-9);
     assert!(problem(in_unit("um", [(8, 1), (1, 1)])).contains("4 : 1"));
     assert!(problem(in_unit("pixel", [(8, 1), (8, 1)])).contains("--pixel-um"));
-    // A calibration of the values.
+    // Calibration of the values.
     let text = "ImageJ=1.54f\nunit=um\ncf=0\nc0=-5.0\nc1=0.01\nvunit=nm\n";
     let says = Says { text: Some(text), per, unit: Some(ResolutionUnit::None) };
     let field = made::<colortype::Gray16>(&grey, says, None, None).unwrap();
@@ -134,7 +134,7 @@ fn ome_and_resolutions_state_a_pitch() {
     let fine = dots(40_000, ResolutionUnit::Centimeter).unwrap();
     assert!((fine.pixel_um - 0.25).abs() < 1e-9 && fine.notes[0].contains("40000 pixels per cm"), "{:?}", fine.notes);
     assert!((dots(127_000, ResolutionUnit::Inch).unwrap().pixel_um - 0.2).abs() < 1e-9);
-    // 300 dots per inch are a habit, not a measurement.
+    // 300 dots per inch is a default, not a measurement.
     for n in [72, 96, 300, 1200] {
         assert!(problem(dots(n, ResolutionUnit::Inch)).contains("--pixel-um"), "{n}");
     }

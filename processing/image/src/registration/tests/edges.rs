@@ -1,4 +1,4 @@
-//! What registration is for: orientations at the edges of tiles.
+//! Effect of registration on orientations at the edges of tiles.
 
 use super::super::Resampler;
 use super::{TILES, angles, registrar, told, wedge};
@@ -7,10 +7,11 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 const SIZE: [usize; 2] = [320, 288];
 
-/// S0, S1 and S2 of every pixel; NaN where a frame has no value.
+/// S0, S1 and S2 of every pixel; NaN without a value in some frame.
 type Stokes = Vec<[f32; 3]>;
 
-/// Least squares of frames taken under `shifts`, each moved back by its entry in `undone` (Malus: I = (S0 + S1 cos 2ψ + S2 sin 2ψ) / 2).
+/// Least-squares fit of frames with `shifts`, each corrected by its entry in `undone` (Malus: I = (S0 + S1 cos 2ψ + S2
+/// sin 2ψ) / 2).
 fn fitted(psi: &[f64], shifts: &[[f64; 2]], undone: Option<&[[f64; 2]]>) -> Stokes {
     let [width, height] = SIZE;
     let rows: Vec<Vector3<f64>> =
@@ -35,7 +36,7 @@ fn fitted(psi: &[f64], shifts: &[[f64; 2]], undone: Option<&[[f64; 2]]>) -> Stok
     sums.iter().map(|sum| (inverse * sum).map(|v| v as f32).into()).collect()
 }
 
-/// Mean orientation errors in degrees, at edges and elsewhere, of a map that shows the scene shifted by `at`.
+/// Mean orientation errors in degrees, at edges and elsewhere, of a map of the scene shifted by `at`.
 fn orientation_errors(maps: &Stokes, at: [f64; 2]) -> [f64; 2] {
     let (mut sum, mut count) = ([0.0; 2], [0.0; 2]);
     for i in (0..maps.len()).filter(|i| maps[*i][0].is_finite()) {
@@ -45,7 +46,7 @@ fn orientation_errors(maps: &Stokes, at: [f64; 2]) -> [f64; 2] {
             let [b, d, t] = TILES.at(x + dx, y + dy);
             (b - a).abs() + (d - c).abs() + (t - s).abs() > 1e-3
         });
-        // Where neighbours of opposite orientation cancel, there is none.
+        // Opposite orientations of neighbours cancel.
         if c.hypot(s) < 0.2 * TILES.modulation * a {
             continue;
         }
@@ -68,7 +69,7 @@ fn orientations_at_edges_are_restored() {
         let undone: Vec<[f64; 2]> = found.iter().map(|s| [s.dx, s.dy]).collect();
         let [spoiled, inside] = orientation_errors(&fitted(&psi, &truth, None), mean);
         let [restored, quiet] = orientation_errors(&fitted(&psi, &truth, Some(&undone)), mean);
-        // A tenth of what the shifts spoil may stay; in the tiles resampling only averages noise.
+        // A tenth of the error due to shifts may remain; inside the tiles, resampling only averages noise.
         let stays = (restored - unshifted) / (spoiled - unshifted);
         assert!(stays < 0.1, "{px} px: {unshifted}°, spoiled {spoiled}°, restored {restored}°");
         assert!(quiet < inside, "{px} px: {quiet}° {inside}°");

@@ -1,4 +1,4 @@
-//! Registration against exact truth: errors, their σ, what cannot be told, and what it does for orientations.
+//! Registration against exact truth: errors, their σ, refusals, and the effect on orientations.
 
 mod edges;
 mod resampling;
@@ -23,7 +23,7 @@ fn doubt(registration: Registration) -> Doubt {
     }
 }
 
-/// The bound is 0.05 px; what is reached is 0.01, and 0.002 where the modulation is strong.
+/// The bound is 0.05 px; the error is 0.01, and 0.002 for strong modulation.
 #[test]
 fn shifts_of_a_wedge_are_found() {
     let faint = Tiled { modulation: 0.05, ..TILES };
@@ -38,7 +38,7 @@ fn shifts_of_a_wedge_are_found() {
     }
 }
 
-/// A knocked camera: farther than the pyramid reaches, on a sample that does not repeat.
+/// Camera displacement beyond the range of the pyramid, on a sample without repetition.
 #[test]
 fn large_jumps_are_found() {
     let scene = Tiled { modulation: 0.1, pitch: [37.0, 29.0], variation: 0.8, ..TILES };
@@ -50,7 +50,7 @@ fn large_jumps_are_found() {
     assert!(error < 0.02, "{error}");
 }
 
-/// Errors are as large as σ says, at ten times the usual noise, where they come from noise alone.
+/// Errors agree with σ at ten times the usual noise, where noise alone causes them.
 #[test]
 fn sigma_is_honest() {
     let psi = angles(6);
@@ -68,12 +68,12 @@ fn sigma_is_honest() {
             count += 1.0;
         }
     }
-    // σ is that of the worse direction, so the ratio lies below 1; 36 pairs know it to about 10 %.
+    // σ is that of the worse direction, so the ratio is below 1; 36 pairs determine it to about 10 %.
     let ratio = (square / count).sqrt();
     assert!((0.4..1.2).contains(&ratio), "{ratio}");
 }
 
-/// The source's brightness drifts by 2 %: Malus' law is broken a little everywhere, shifts hardly suffer.
+/// A source drift of 2 % violates Malus' law slightly everywhere, but hardly affects shifts.
 #[test]
 fn drifting_light_is_borne() {
     let psi = angles(8);
@@ -89,7 +89,7 @@ fn drifting_light_is_borne() {
     assert!(error < 0.03, "{error}");
 }
 
-/// Two photographs of a scene that does not change, and three behind an analyser that hardly modulates.
+/// Two photographs of an unchanging scene, and three behind an analyser with little modulation.
 #[test]
 fn few_photographs_are_registered_too() {
     let still = Tiled { modulation: 0.0, ..TILES };
@@ -102,7 +102,7 @@ fn few_photographs_are_registered_too() {
     assert!(error < 0.05, "{error} {sigma}");
 }
 
-/// Three frames behind a strongly modulating sample fit Malus' law under any shifts: never a wrong answer.
+/// Three frames of a strongly modulating sample fit Malus' law under any shifts and are refused.
 #[test]
 fn three_strongly_modulated_frames_are_not_trusted() {
     let psi = angles(3);
@@ -118,7 +118,7 @@ fn three_strongly_modulated_frames_are_not_trusted() {
 
 #[test]
 fn noise_has_no_shift() {
-    // One tile, seen far from its edges.
+    // One tile, far from its edges.
     let flat = Tiled { modulation: 0.3, pitch: [1e6, 1e6], ..TILES };
     for n in [3, 4, 12] {
         let psi = angles(n);
@@ -130,7 +130,7 @@ fn noise_has_no_shift() {
     }
 }
 
-/// A frame that shows something else is named.
+/// A frame of another scene is named.
 #[test]
 fn a_frame_without_the_scene_is_named() {
     let psi = angles(6);
@@ -143,7 +143,7 @@ fn a_frame_without_the_scene_is_named() {
     assert_eq!(doubt(registrar.polarized(&psi)), Doubt::NothingInCommon(vec![4]));
 }
 
-/// Texture of a thousandth under noise of half a percent.
+/// Texture of 0.1 % under noise of 0.5 %.
 #[test]
 fn too_little_texture_is_not_told() {
     let psi = angles(6);
@@ -151,7 +151,7 @@ fn too_little_texture_is_not_told() {
     doubt(registrar(&scene, SIZE, &psi, &wedge(&psi, 1.0), 1.0).polarized(&psi));
 }
 
-/// Without variation along one direction nothing is known of it, however sharp the edges are.
+/// Without variation along one direction, that component is unknown, however sharp the edges are.
 #[test]
 fn endless_bands_are_not_told() {
     let psi = angles(6);
@@ -160,8 +160,8 @@ fn endless_bands_are_not_told() {
     doubt(registrar(&scene, SIZE, &psi, &wedge(&psi, 2.0), 1.0).polarized(&psi));
 }
 
-/// Even reflectance and four angles: the two frames at right angles say `A ± C`, the other two `A ± S`, and as A has no
-/// edges, nothing ties the pairs together. Six angles do.
+/// Uniform reflectance and four angles: two perpendicular frames give `A ± C`, the other two `A ± S`. As A has no
+/// edges, nothing relates the pairs. Six angles do.
 #[test]
 fn pairs_of_crossed_frames_need_edges_in_common() {
     let scene = Tiled { variation: 0.0, ..TILES };
@@ -175,7 +175,7 @@ fn pairs_of_crossed_frames_need_edges_in_common() {
     }
 }
 
-/// Saturated values are no texture: alone they tell nothing, and beside good tiles they do no harm.
+/// Saturated values are no texture: alone they give no result, and beside good tiles no error.
 #[test]
 fn saturation_is_not_followed() {
     let psi = angles(6);
@@ -189,7 +189,7 @@ fn saturation_is_not_followed() {
                     let x = left + i;
                     let v = frame[y * SIZE[0] + x];
                     let saturated = clipped(x) && v > 0.42;
-                    // What is not saturated shows an even grey where the scene is to be flat.
+                    // Unsaturated parts are uniform grey where the scene is flat.
                     let grey = 0.3 + 1e-3 * normal((k << 40 | y << 20 | x) as u64) as f32;
                     values[i] = if saturated {
                         0.0
@@ -207,7 +207,7 @@ fn saturation_is_not_followed() {
     doubt(run(|_| true, true));
     let (error, _) = errors(&told(run(|x| x < 150, false)), &truth);
     assert!(error < 0.02, "{error}");
-    // Everything saturated.
+    // All values are saturated.
     let mut blind = Registrar::new(SIZE[0], SIZE[1]);
     (0..6).for_each(|_| blind.add(|_: usize, _: usize, _: &mut [f32], bad: &mut [u8]| bad.fill(1)));
     doubt(blind.polarized(&psi));
@@ -222,7 +222,7 @@ fn tiny_images_and_empty_sets_are_refused() {
     assert_eq!(doubt(Registrar::new(0, 0).polarized(&[])), Doubt::TooSmall);
 }
 
-/// Small photographs have one window. (In 64 pixels too few edges overlap, and the answer is "cannot tell".)
+/// Small photographs have one window. (In 64 pixels too few edges overlap, and the result is unknown.)
 #[test]
 fn small_images_are_registered() {
     let psi = angles(8);

@@ -1,4 +1,4 @@
-//! The resampler against what it must keep.
+//! Tests of the resampler.
 
 use super::super::Resampler;
 use super::normal;
@@ -40,7 +40,7 @@ fn whole_pixels_are_copied_and_the_border_is_bad() {
     }
 }
 
-/// Six taps keep polynomials up to the fifth degree; a windowed sinc would move even a ramp by 0.01 px.
+/// Six taps preserve polynomials up to the fifth degree; a windowed sinc would move even a ramp by 0.01 px.
 #[test]
 fn polynomials_are_kept() {
     let polynomial = |x: f64, y: f64| {
@@ -50,7 +50,7 @@ fn polynomials_are_kept() {
     for shift in [[0.5, 0.5], [-0.3, 1.7], [2.01, -0.99]] {
         let (values, bad) = moved(shift, |x, y| polynomial(x as f64, y as f64) as f32, |_, _| false);
         let good: Vec<usize> = (0..WIDTH * HEIGHT).filter(|i| bad[*i] == 0).collect();
-        // Three rows or columns are lost on one side, two on the other, and the shift's whole pixels.
+        // Lost are three rows or columns on one side, two on the other, and the whole pixels of the shift.
         assert!(good.len() > (WIDTH - 8) * (HEIGHT - 8), "{}", good.len());
         for i in good {
             let wanted = polynomial((i % WIDTH) as f64 + shift[0], (i / WIDTH) as f64 + shift[1]);
@@ -69,7 +69,7 @@ fn a_bad_value_spoils_what_it_touches_and_no_more() {
     assert_eq!([spoiled([0.4, 0.4]), spoiled([0.4, 2.0]), spoiled([1.0, 2.0])], [36, 6, 1]);
 }
 
-/// The factor equals the variance of resampled noise; 1,000 pixels of correlated noise know it to about 6 %.
+/// The factor equals the variance of resampled noise; 1,000 pixels of correlated noise determine it to about 6 %.
 #[test]
 fn the_noise_factor_is_that_of_noise() {
     for shift in [[0.0, 0.0], [0.5, 0.5], [0.25, 0.1], [3.5, -1.0]] {

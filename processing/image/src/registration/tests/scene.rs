@@ -1,21 +1,21 @@
-//! Synthetic scenes, rendered anew for every shift (no interpolation), so that the truth is exact.
+//! Synthetic scenes, rendered for every shift without interpolation, so that the truth is exact.
 
 use super::super::*;
 use rayon::prelude::*;
 
-/// Standard deviation of the point spread in pixels: a lens of 0.5 and the pixel's own width.
+/// Standard deviation of the point spread in pixels: a lens of 0.5, and the width of a pixel.
 pub const SPREAD: f64 = 0.577;
 
-/// Rectangular tiles of one grating each, on a slant; sharp but for the point spread, in closed form.
+/// Oblique rectangular tiles of one grating each, blurred by the point spread in closed form.
 #[derive(Clone, Copy)]
 pub struct Tiled {
-    /// Pitch along both directions in pixels; infinite along the second for bands.
+    /// Pitch along both directions in pixels; the second is infinite for bands.
     pub pitch: [f64; 2],
-    /// Orientations, spread evenly over 180°.
+    /// Number of orientations, evenly spaced over 180°.
     pub orientations: i64,
     /// Degree of linear polarization.
     pub modulation: f64,
-    /// Reflectance is 1 - variation to 1.
+    /// Reflectances are 1 - variation to 1.
     pub variation: f64,
     pub slant: f64,
 }
@@ -39,7 +39,7 @@ pub fn normal(key: u64) -> f64 {
     (-2.0 * uniform(key).ln()).sqrt() * (std::f64::consts::TAU * uniform(key ^ 0xabcd_ef01)).cos()
 }
 
-/// Integral of the normal distribution (Abramowitz and Stegun 26.2.17, to 8e-8).
+/// Cumulative normal distribution (Abramowitz and Stegun 26.2.17, to 8e-8).
 fn phi(x: f64) -> f64 {
     let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
     let p = t * (0.319_381_53 + t * (-0.356_563_782 + t * (1.781_477_937 + t * (-1.821_255_978 + t * 1.330_274_429))));
@@ -58,7 +58,7 @@ impl Tiled {
         1.0 - self.variation * uniform((i * 104_729 + j * 13 + 5) as u64)
     }
 
-    /// Indices along an axis with the share of the point spread that falls into each.
+    /// Indices along an axis, with the fraction of the point spread in each.
     fn shares(u: f64, pitch: f64) -> [(i64, f64); 3] {
         if pitch.is_infinite() {
             return [(0, 1.0), (0, 0.0), (0, 0.0)];
@@ -85,7 +85,7 @@ impl Tiled {
         sum
     }
 
-    /// Photograph shifted by (dx, dy) behind an analyser at `psi`, 40,000 e⁻ at 1 and 8 e⁻ read noise, times `noise`.
+    /// Photograph shifted by (dx, dy) behind an analyser at `psi`: 40,000 e⁻ at 1 and 8 e⁻ read noise, times `noise`.
     pub fn frame(&self, size: [usize; 2], psi: f64, [dx, dy]: [f64; 2], noise: f64, seed: u64) -> Vec<f32> {
         let (s2, c2) = (2.0 * psi).sin_cos();
         let pixel = |i: usize| {
@@ -102,7 +102,7 @@ pub fn angles(n: usize) -> Vec<f64> {
     (0..n).map(|k| std::f64::consts::PI * k as f64 / n as f64).collect()
 }
 
-/// A wedge's shifts.
+/// Shifts due to a wedge.
 pub fn wedge(angles: &[f64], px: f64) -> Vec<[f64; 2]> {
     angles.iter().map(|psi| [px * (psi + 0.3).cos(), -px * (psi + 0.3).sin()]).collect()
 }
@@ -122,7 +122,7 @@ pub fn errors(found: &[Shift], truth: &[[f64; 2]]) -> (f64, f64) {
     (rms, found.iter().map(|f| f.sigma).fold(0.0, f64::max))
 }
 
-/// Frames of a scene under these shifts, one seed each.
+/// Registrar with frames of a scene under these shifts, one seed each.
 pub fn registrar(scene: &Tiled, size: [usize; 2], psi: &[f64], shifts: &[[f64; 2]], noise: f64) -> Registrar {
     let mut registrar = Registrar::new(size[0], size[1]);
     for (k, (psi, shift)) in psi.iter().zip(shifts).enumerate() {

@@ -133,8 +133,8 @@ impl Filter {
 
     /// 1/8σ² of the orientation weight and 1/4σ² of the spatial weight, for the pixels of a window.
     ///
-    /// At orientation gradients the window shrinks, until the change over the reach of all iterations stays below the
-    /// noise: a wider mean would be biased at borders and where the gradient changes.
+    /// At orientation gradients the window shrinks until the change over the reach of all iterations stays below the
+    /// noise. A wider mean would be biased at borders and where the gradient changes.
     #[inline(always)]
     fn widths<const PLANES: usize>(&self, window: &Window<PLANES>, round: Round) -> [Lane; 2] {
         const WIDEST: f32 = 1.0 / (REACH * REACH) as f32;
@@ -243,10 +243,11 @@ impl Pivot {
     }
 }
 
-/// Weights of pixels (cos 2θ, sin 2θ, reliability) at this squared distance. The spatial weight `(1 - d²/4σ²)²` and the
-/// orientation weight `(1 - (1 - cos 2Δ)/8σ²)²` are Tukey's biweight. Its curvature at 0 equals the Gaussian's, but it
-/// vanishes from about 2 σ on, where the Gaussian's 14 % leak over edges in every iteration (Black et al., Robust
-/// anisotropic diffusion, 1998).
+/// Weights of pixels (cos 2θ, sin 2θ, reliability) at this squared distance.
+///
+/// The spatial weight `(1 - d²/4σ²)²` and the orientation weight `(1 - (1 - cos 2Δ)/8σ²)²` are Tukey's biweight. Its
+/// curvature at 0 equals the Gaussian's, but it vanishes beyond about 2 σ. The Gaussian's 14 % there leak over edges in
+/// every iteration (Black et al., Robust anisotropic diffusion, 1998).
 #[inline(always)]
 fn weights(pivot: &Pivot, square: f32, [c, s, reliability]: [&Lane; 3]) -> Lane {
     let mut weight = [0.0; LANES];
@@ -335,7 +336,7 @@ fn finish<const PLANES: usize, const FIRST: bool>(
 }
 
 /// Adds the noise of the pivot to the quantities for σ. The product of two Gaussian kernels of covariance S and T
-/// integrates to one over the area of (S + T)/2, so the area of the mixture is known, and its covariance is scaled
+/// integrates to one over the area of (S + T)/2. The area of the mixture is thus known, and its covariance is scaled
 /// accordingly.
 fn mix_pivot<const PLANES: usize>(pixel: &mut [f32; PLANES], before: &[f32; PLANES], noise: f32) {
     let share = pixel[10].clamp(0.0, 1.0);

@@ -4,7 +4,7 @@ use super::super::super::stored::{Pitch, Stored};
 use super::super::{FORMATS, Input, recognise};
 use super::*;
 
-/// All formats, one or more files of each.
+/// Files of all formats, at least one of each.
 fn samples() -> Vec<Vec<u8>> {
     vec![
         gwyddion::sample(),
@@ -42,7 +42,7 @@ fn attempt(bytes: &[u8]) {
     }
 }
 
-/// Numbers that look random.
+/// Pseudorandom numbers.
 fn dice(seed: usize) -> impl FnMut() -> usize {
     let mut state = 0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(seed as u64 + 1);
     move || {
@@ -51,7 +51,7 @@ fn dice(seed: usize) -> impl FnMut() -> usize {
     }
 }
 
-/// Flips, cuts, extensions and large counts in every place, NACRE_FUZZ_ROUNDS of each file.
+/// Flips, cuts, extensions and large counts anywhere, NACRE_FUZZ_ROUNDS of each file.
 #[test]
 fn damaged_files_end_in_errors() {
     let rounds = std::env::var("NACRE_FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(1500);
@@ -82,7 +82,7 @@ fn damaged_files_end_in_errors() {
     }
 }
 
-/// The archive is whole, the files in it are damaged.
+/// The archive is intact, the files in it are damaged.
 #[test]
 fn damaged_documents_in_whole_archives_end_in_errors() {
     let rounds = std::env::var("NACRE_FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(600);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A wave of version 5 with these layers, each with its label.
+/// Wave of version 5 with these labelled layers.
 pub(super) fn five(layers: &[(&str, Vec<f64>)], big: bool) -> Vec<u8> {
     let word = |v: i32| if big { v.to_be_bytes() } else { v.to_le_bytes() };
     let short = |v: i16| if big { v.to_be_bytes() } else { v.to_le_bytes() };
@@ -40,7 +40,7 @@ pub(super) fn five(layers: &[(&str, Vec<f64>)], big: bool) -> Vec<u8> {
     [all, data, note.to_vec(), labels].concat()
 }
 
-/// A profile of version 2.
+/// Profile of version 2.
 pub(super) fn two() -> Vec<u8> {
     let data = le(&NM, |v| ((v * 1e-9) as f32).to_le_bytes());
     let mut all = [&2_i16.to_le_bytes()[..], &(126 + data.len() as i32).to_le_bytes(), &[0; 10]].concat();

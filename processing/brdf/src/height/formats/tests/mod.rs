@@ -1,4 +1,4 @@
-//! Files of each format, written here and read again; damaged ones end in errors.
+//! Round trips of each format, and errors for damaged files.
 
 mod damage;
 mod gwyddion;
@@ -10,7 +10,7 @@ mod x3p;
 
 use super::super::{HeightField, Scale, read};
 
-/// Heights in nm of a patch whose corners all differ, row 0 on top.
+/// Heights in nm of a patch with four different corners, row 0 on top.
 const W: usize = 5;
 const H: usize = 4;
 const NM: [f64; W * H] =
@@ -18,7 +18,7 @@ const NM: [f64; W * H] =
 /// Pitch in µm.
 const PITCH: f64 = 0.2;
 
-/// The rows from the lowest to the highest.
+/// Rows from the lowest to the highest.
 fn lowest_first() -> Vec<f64> {
     NM.chunks(W).rev().flatten().copied().collect()
 }

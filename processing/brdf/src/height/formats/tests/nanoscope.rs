@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// One image of heights behind one of deflection; `stated` bytes in the header, `size` in the data.
+/// An image of heights after one of deflection; `stated` bytes in the header, `size` in the data.
 pub(super) fn sample(stated: usize, size: usize) -> Vec<u8> {
     const BEGIN: usize = 4096;
     let full = 2_f64.powi(8 * stated as i32);

@@ -1,4 +1,4 @@
-//! Nanosurf, Surfer and BCR files, and formats that are named only.
+//! Nanosurf, Surfer and BCR files, and unsupported formats.
 
 use super::*;
 

@@ -78,7 +78,7 @@ fn gaps_sizes_and_other_archives_are_refused() {
     refused(&archive(&[("main.xml", cloud.as_bytes())]), &["cloud of points"]);
     let turned = xml("D", "", LINK).replace("<Axes>", "<Axes><Rotation><r11>0</r11><r12>1</r12></Rotation>");
     refused(&archive(&[("main.xml", turned.as_bytes())]), &["rotated"]);
-    // A bomb: the file says more than the heights need.
+    // A decompression bomb: the file is larger than its heights need.
     let bomb = archive(&[("main.xml", xml("D", "", LINK).as_bytes()), ("bindata/data.bin", &vec![0; 1 << 20])]);
     refused(&bomb, &["at most 4256 expected"]);
 }
