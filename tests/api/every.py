@@ -34,11 +34,13 @@ def answer(request):
         return json.load(found)
 
 
-def upload(kind, *paths):
-    """Sends files; returns the id of the upload."""
+def upload(kind, *paths, frames=None):
+    """Sends files, and the frames.json that describes them; returns the id of the upload."""
     edge = uuid.uuid4().hex
     part = f'--{edge}\r\nContent-Disposition: form-data; name='
     body = f'{part}"kind"\r\n\r\n{kind}\r\n'.encode()
+    if frames:
+        body += f'{part}"frames"\r\n\r\n{Path(frames).read_text()}\r\n'.encode()
     for path in map(Path, paths):
         body += f'{part}"file"; filename="{path.name}"\r\n\r\n'.encode() + path.read_bytes() + b"\r\n"
     head = {"Content-Type": f"multipart/form-data; boundary={edge}"}
@@ -81,14 +83,14 @@ def orders():
     yield "bokeh", {"upload": photographs("bokeh"), "options": {"psf": {"sigma": 2}, "scale": {"pixel": 2.5}}}
     yield "foil", {"upload": photographs("foil"), "options": {"geometry": geometry, "bins": [24, 16]}}
     yield "spots", {"session": session({"kind": "spots", "spots": {"fringes": fringes}}), "options": {}}
-    yield "flash", {"upload": upload("polarization", *Path("tiles").iterdir()), "options": tiles}
+    yield "flash", {"upload": upload("photographs", *Path("tiles").glob("*.png"), frames="tiles/frames.json"), "options": tiles}
     yield "brdf", {"upload": upload("surface", "heights.exr"), "options": {"size": 16, "settings": {"coherence_um": 8}}}
     yield "map", {"upload": upload("maps", *Path("drawn").glob("*.exr")), "options": {"tile": [2, 1], "layout": "mirror"}}
     boards = upload("photographs", *sorted(Path().glob("board*.png")))
     yield "calibrate", {"upload": boards, "options": {"board": [9, 6], "square_mm": 25}}
     yield "render", {"upload": upload("scene", "RENDER_SCENE.toml"), "options": {"samples": 4}}
-    yield "factor", {"upload": upload("maps", "table/lut.exr"), "options": {"rank": 2, "kind": "nonnegative"}}
-    yield "synthesize", {"upload": upload("maps", "found/histogram.exr"), "options": {"size": [32, 24], "pixel_um": 25, "dot": {"disc": 5}}}
+    yield "factor", {"upload": upload("table", "table/lut.exr"), "options": {"rank": 2, "kind": "nonnegative"}}
+    yield "synthesize", {"upload": upload("table", "found/histogram.exr"), "options": {"size": [32, 24], "pixel_um": 25, "dot": {"disc": 5}}}
 
 
 def run(name, order):

@@ -197,7 +197,7 @@ export async function uploadPage(main, { signal }) {
     if (channel.value) description.channel = channel.value;
     const form = new FormData();
     const polarized = method.value === "polarization";
-    form.append("kind", { polarization: "polarization", brdf: "surface", map: "maps" }[method.value] ?? "photographs");
+    form.append("kind", { polarization: "polarization", brdf: "surface", map: "maps", factor: "table", synthesize: "table" }[method.value] ?? "photographs");
     if (name.value.trim()) form.append("name", name.value.trim());
     if (polarized) form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
     const described = method.value === "flash" && flash.frames();

@@ -50,13 +50,14 @@ pub struct Uploaded {
 /// - `photographs`: exposures of one view, or single photographs.
 /// - `surface`: one part `file`, a height field, which may be a text grid of numbers.
 /// - `maps`: `orientation.exr`, `period.exr` or both.
+/// - `table`: one EXR table, `lut.exr` (for `factor`) or `histogram.exr` (for `synthesize`).
 /// - `scene`: one scene (TOML) and the files that it names. Alternatively `gallery` names an initial scene, or
 ///   `result` a reconstruction or session. Its orientation.exr, period.exr and lut.exr are added to the scene; without
 ///   a scene, they cover a flat sheet.
 #[derive(ToSchema)]
 #[allow(dead_code, reason = "describes the form")]
 pub struct Form {
-    /// `polarization` (the default), `photographs`, `surface`, `maps` or `scene`.
+    /// `polarization` (the default), `photographs`, `surface`, `maps`, `table` or `scene`.
     kind: Option<String>,
     /// At most 200 characters. Default: derived from the files, `gallery` or `result`.
     name: Option<String>,
@@ -183,8 +184,8 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
         if files > MAX_FILES {
             return Err(Problem::new(Kind::TooLarge, format!("more than {MAX_FILES} photographs")));
         }
-        if what == What::Surface && files > 1 {
-            return Err(Problem::bad("more than one height field").remedy("send one part named file"));
+        if matches!(what, What::Surface | What::Table) && files > 1 {
+            return Err(Problem::bad("more than one file for this kind of upload").remedy("send one part named file"));
         }
         bytes += store(field, &folder.join(&file), most.saturating_sub(bytes)).await?;
     }
@@ -200,8 +201,8 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
             match what {
                 What::Polarization => describe(&folder)?,
                 What::Photographs => decodable(&folder)?,
-                // The scale may be missing: the operation on the height field needs and checks it.
-                What::Surface => {}
+                // The operation checks these: the scale of a height field may be missing.
+                What::Surface | What::Table => {}
                 What::Maps => Maps::read(&folder).map(drop)?,
                 What::Scene => (files, bytes) = scenes::complete(&folder)?,
             }
@@ -224,6 +225,8 @@ enum What {
     Surface,
     /// Maps of orientation and period.
     Maps,
+    /// A lookup table or a histogram.
+    Table,
     /// A scene with its files.
     Scene,
 }
@@ -240,6 +243,7 @@ fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
     let (of, endings) = match what {
         What::Surface => ("height field", height::EXTENSIONS),
         What::Maps => ("map", &["exr"][..]),
+        What::Table => ("table", &["exr"][..]),
         What::Scene => ("file of a scene", scenes::EXTENSIONS),
         What::Photographs | What::Polarization => ("photograph", EXTENSIONS),
     };
@@ -293,10 +297,11 @@ fn kind(word: &str) -> Answer<What> {
         "polarization" => Ok(What::Polarization),
         "surface" => Ok(What::Surface),
         "maps" => Ok(What::Maps),
+        "table" => Ok(What::Table),
         "scene" => Ok(What::Scene),
         other => {
             let said = clip(other);
-            Err(Problem::bad(format!("kind is {said:?}; give photographs, polarization, surface, maps or scene")))
+            Err(Problem::bad(format!("kind is {said:?}; give photographs, polarization, surface, maps, table or scene")))
         }
     }
 }
