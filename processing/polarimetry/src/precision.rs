@@ -18,7 +18,7 @@ const COMPARED: usize = 2048;
 const QUANTILE: f64 = 0.9;
 
 /// A target σ is unreachable if the smallest reachable one exceeds it by this factor.
-pub const HOPELESS: f64 = 1.2;
+pub const UNREACHABLE_FACTOR: f64 = 1.2;
 
 /// Gain of an angle, relative to the best one's, that counts as equal.
 const AS_GOOD: f64 = 0.99;

@@ -4,7 +4,7 @@ use crate::plan::{Added, MORE, UntilDecided, UntilSigma};
 use crate::session::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 use nacre_base::{Error, Result};
 use nacre_periods::spots::Survey;
-use nacre_polarimetry::{HOPELESS, Precision, Running};
+use nacre_polarimetry::{UNREACHABLE_FACTOR, Precision, Running};
 
 /// Continuation of a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,7 +95,7 @@ fn ending(so_far: &SigmaSoFar, certain: bool) -> Option<Ending> {
     if so_far.angles >= so_far.at_most as usize {
         return Some(Ending::AtMost);
     }
-    let hopeless = so_far.least_deg.is_none_or(|least| least > HOPELESS * wanted);
+    let hopeless = so_far.least_deg.is_none_or(|least| least > UNREACHABLE_FACTOR * wanted);
     (certain && hopeless).then_some(Ending::Cannot)
 }
 

@@ -80,7 +80,7 @@ pub(super) fn correct_analyser_angles(
         return Ok(None);
     }
     let stated = running.frames.set.angle_sigma_deg.map(f64::to_radians);
-    let Some(errors) = running.sample.misses(&running.views, stated) else { return Ok(None) };
+    let Some(errors) = running.sample.angle_errors(&running.views, stated) else { return Ok(None) };
     let tolerance = stated.map_or(STAGE_TOLERANCE, |sigma| STATED_TOLERANCE * sigma);
     let within = errors.errors.iter().all(|e| e.abs() <= tolerance);
     if !errors.is_worth_correcting() || !within || (stated.is_none() && !running.frames.from_session) {

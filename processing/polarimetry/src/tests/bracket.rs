@@ -2,7 +2,7 @@
 
 use crate::reconstruct;
 use crate::synthetic::{even_angles, normal};
-use crate::{NoiseModel, Options, PutRight, angle_difference, probe};
+use crate::{AppliedCorrections, NoiseModel, Options, angle_difference, probe};
 use nacre_base::progress::Silent;
 use nacre_frames::{Frame, FrameSet, Kind, load, save};
 use nacre_image::{encode_png16_gray, read_exr};
@@ -168,7 +168,7 @@ fn a_probe_shows_what_the_maps_hold() {
     let (found, set) = (maps(folder.path()), load(folder.path()).unwrap());
     for (level, held) in [(0, 6), (2, 12), (5, 18)] {
         let (x, y) = (7, level * ROWS + 3);
-        let probe = probe(&set, [x, y], &PutRight::read(&folder.path().join("out")).unwrap()).unwrap();
+        let probe = probe(&set, [x, y], &AppliedCorrections::read(&folder.path().join("out")).unwrap()).unwrap();
         assert_eq!((probe.points.len(), probe.saturated), (held, false));
         assert!((probe.s0 / f64::from(found.s0[y * WIDTH + x]) - 1.0).abs() < 1e-4, "level {level}");
     }

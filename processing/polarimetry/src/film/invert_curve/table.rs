@@ -1,6 +1,6 @@
 //! Lookup table from points to the nearest points of a curve.
 
-use super::{OFF, RUN, Run};
+use super::{OUTLIER_SIGMAS, RUN, Run};
 use crate::film::curve::Curve;
 use nacre_base::vector_atan::{folded, sin_cos};
 use nacre_base::vectors::vectorised;
@@ -19,19 +19,19 @@ const CELLS: usize = 256;
 
 /// Difference of squared distance, in squared standard deviations, within which a second branch of the curve counts as
 /// equally likely. If it is also farther along than both uncertainties, the pixel is masked.
-const RIVAL: f32 = 9.0;
+const AMBIGUITY_DELTA: f32 = 9.0;
 
 /// Squared distance from the position of bare metal that noise rarely exceeds, in squared standard deviations.
 const MIRROR: f32 = 16.0;
 
 /// Uncertainty in rad from which the variation of the curve within it is examined. Of 300 random films (r 0.7 to 1.5,
 /// any ζ, Δn up to 12°) nine in ten slow down by at most 1.4 % within twice that.
-const BENT: f32 = 0.01;
+const CURVATURE_SIGMA: f32 = 0.01;
 
 /// Slowdown of the curve within the noise, relative to the point itself, above which no σ describes the error and the
 /// pixel is masked. With 1.3, 98.8 % of the worst tenth of a film's pixels are within 3σ, with 1.25 99.1 %; 1.2 masks
 /// 4.4 % of all pixels, this value 3.2 %.
-const TOO_BENT: f32 = 1.23;
+const MAX_SLOWDOWN: f32 = 1.23;
 
 /// Table from points to the nearest points of a curve.
 pub(crate) struct Table {
@@ -89,9 +89,9 @@ impl Table {
     }
 
     /// Projects the first `count` points of a run.
-    pub(super) fn locate_run(&self, run: &mut Run, count: usize) {
-        let mut first = Feet::new();
-        let mut seconds = Feet::new();
+    pub(super) fn project_run(&self, run: &mut Run, count: usize) {
+        let mut first = ClosestPoints::new();
+        let mut seconds = ClosestPoints::new();
         let mut which = [0_u16; RUN];
         let mut rivals = 0;
         for i in 0..count {
@@ -120,7 +120,7 @@ impl Table {
                     run.sigma[i] = first.sigma(i);
                 }
                 for (k, i) in which[..rivals].iter().map(|i| usize::from(*i)).enumerate() {
-                    (run.theta[i], run.sigma[i]) = better(&first, i, &seconds, k);
+                    (run.theta[i], run.sigma[i]) = likelier_branch(&first, i, &seconds, k);
                 }
                 let Some(mirror) = self.mirror else { return };
                 for i in 0..count {
@@ -148,26 +148,32 @@ impl Table {
     }
 
     #[inline(always)]
-    fn refine_all(&self, feet: &mut Feet, count: usize, [x, y]: [&[f32; RUN]; 2], [va, vb, vc]: [&[f32; RUN]; 3]) {
+    fn refine_all(
+        &self,
+        closest_points: &mut ClosestPoints,
+        count: usize,
+        [x, y]: [&[f32; RUN]; 2],
+        [va, vb, vc]: [&[f32; RUN]; 3],
+    ) {
         let count = count.min(RUN);
         for i in 0..count {
-            let from = [feet.theta[i], feet.sin[i], feet.cos[i]];
-            let foot = self.refine(from, [x[i], y[i]], [va[i], vb[i], vc[i]]);
-            (feet.theta[i], feet.along[i], feet.excess[i], feet.distance2[i]) =
-                (foot.theta, foot.along, foot.excess, foot.distance2);
+            let from = [closest_points.theta[i], closest_points.sin[i], closest_points.cos[i]];
+            let closest = self.refine(from, [x[i], y[i]], [va[i], vb[i], vc[i]]);
+            (closest_points.theta[i], closest_points.along[i], closest_points.excess[i], closest_points.distance2[i]) =
+                (closest.theta, closest.along, closest.excess, closest.distance2);
         }
-        if feet.along[..count].iter().any(|along| *along > BENT) {
+        if closest_points.along[..count].iter().any(|along| *along > CURVATURE_SIGMA) {
             for i in 0..count {
-                let (theta, along) = (feet.theta[i], feet.along[i]);
-                let bent = self.bent(theta, along, [va[i], vb[i], vc[i]]);
-                feet.along[i] = if along > BENT { bent } else { along };
+                let (theta, along) = (closest_points.theta[i], closest_points.along[i]);
+                let curved_sigma = self.curved_sigma(theta, along, [va[i], vb[i], vc[i]]);
+                closest_points.along[i] = if along > CURVATURE_SIGMA { curved_sigma } else { along };
             }
         }
     }
 
     /// Refines the projection near a node (θ, sine and cosine of 2θ), in the metric of the noise.
     #[inline(always)]
-    fn refine(&self, [mut theta, mut sin, mut cos]: [f32; 3], at: [f32; 2], [va, vb, vc]: [f32; 3]) -> Foot {
+    fn refine(&self, [mut theta, mut sin, mut cos]: [f32; 3], at: [f32; 2], [va, vb, vc]: [f32; 3]) -> ClosestPoint {
         let [wa, wb, wc] = weights([va, vb, vc]);
         let (mut x, mut y, mut speed, mut t) = (0.0, 0.0, 0.0, [0.0; 2]);
         for round in 0..3 {
@@ -179,7 +185,7 @@ impl Table {
                 let on = ((wx * x + wy * y) / speed).clamp(-8.0 * STEP, 8.0 * STEP);
                 let on = if speed > 0.0 { on } else { 0.0 };
                 theta += on;
-                [sin, cos] = turned([sin, cos], 2.0 * on);
+                [sin, cos] = rotated([sin, cos], 2.0 * on);
             }
         }
         let length2 = t[0] * t[0] + t[1] * t[1];
@@ -187,10 +193,10 @@ impl Table {
         let (nx, ny) = (-t[1], t[0]);
         let across = (va * nx * nx + 2.0 * vb * nx * ny + vc * ny * ny) / length2;
         let off2 = (nx * x + ny * y) * (nx * x + ny * y) / length2;
-        Foot {
+        ClosestPoint {
             theta,
             along: speed.sqrt().recip(),
-            excess: (off2 - OFF * OFF * across).max(0.0) / length2,
+            excess: (off2 - OUTLIER_SIGMAS * OUTLIER_SIGMAS * across).max(0.0) / length2,
             distance2: wa * x * x + 2.0 * wb * x * y + wc * y * y,
         }
     }
@@ -198,7 +204,7 @@ impl Table {
     /// σ along the curve where it turns or slows down within the noise, so that the displacement of a point per rad is
     /// smaller than at the point itself.
     #[inline(always)]
-    fn bent(&self, theta: f32, along: f32, variance: [f32; 3]) -> f32 {
+    fn curved_sigma(&self, theta: f32, along: f32, variance: [f32; 3]) -> f32 {
         let [wa, wb, wc] = weights(variance);
         let [sin, cos] = sin_cos(2.0 * theta);
         let here = self.curve.at(sin, cos);
@@ -210,12 +216,12 @@ impl Table {
         };
         let least = weighted(theta + 2.0 * along).min(weighted(theta - 2.0 * along));
         let slower = (2.0 / least).max(1.0);
-        if slower > TOO_BENT { f32::INFINITY } else { along * (0.6 + 0.4 * slower) }
+        if slower > MAX_SLOWDOWN { f32::INFINITY } else { along * (0.6 + 0.4 * slower) }
     }
 }
 
 /// Projection of a point onto the curve.
-struct Foot {
+struct ClosestPoint {
     theta: f32,
     /// σ along the curve in rad.
     along: f32,
@@ -225,7 +231,7 @@ struct Foot {
 }
 
 /// Projections of a run; `theta`, `sin` and `cos` initially hold the start nodes.
-struct Feet {
+struct ClosestPoints {
     theta: [f32; RUN],
     sin: [f32; RUN],
     cos: [f32; RUN],
@@ -234,7 +240,7 @@ struct Feet {
     distance2: [f32; RUN],
 }
 
-impl Feet {
+impl ClosestPoints {
     fn new() -> Self {
         let plane = [0.0; RUN];
         Self { theta: plane, sin: plane, cos: plane, along: plane, excess: plane, distance2: plane }
@@ -253,14 +259,14 @@ impl Feet {
 
 /// Orientation and σ of the nearer projection; σ is infinite if both are about equally likely.
 #[inline(always)]
-fn better(first: &Feet, i: usize, second: &Feet, k: usize) -> (f32, f32) {
+fn likelier_branch(first: &ClosestPoints, i: usize, second: &ClosestPoints, k: usize) -> (f32, f32) {
     let apart = folded(folded(first.theta[i] - second.theta[k]) + FRAC_PI_2) - FRAC_PI_2;
     // A point at which the curve is too bent for a σ is still a competing branch.
     let (less, more) = (first.along[i].min(second.along[k]), first.along[i].max(second.along[k]));
     let along = if more.is_finite() { more } else { less };
     let lead = second.distance2[k] - first.distance2[i];
     let (theta, sigma) = if lead < 0.0 { (second.theta[k], second.sigma(k)) } else { (first.theta[i], first.sigma(i)) };
-    let rival = lead.abs() < RIVAL && apart.abs() > 3.0 * along;
+    let rival = lead.abs() < AMBIGUITY_DELTA && apart.abs() > 3.0 * along;
     (theta, if rival { f32::INFINITY } else { sigma })
 }
 
@@ -268,7 +274,7 @@ fn better(first: &Feet, i: usize, second: &Feet, k: usize) -> (f32, f32) {
 #[inline(always)]
 fn is_mirror(at: [f32; 2], mirror: [f32; 2], variance: [f32; 3], from_curve2: f32) -> bool {
     let from_mirror2 = distance2(at, mirror, variance);
-    from_mirror2 < from_curve2 || (from_mirror2 < MIRROR && from_mirror2 - from_curve2 < RIVAL)
+    from_mirror2 < from_curve2 || (from_mirror2 < MIRROR && from_mirror2 - from_curve2 < AMBIGUITY_DELTA)
 }
 
 /// Squared distance of two points in standard deviations.
@@ -287,7 +293,7 @@ fn weights([va, vb, vc]: [f32; 3]) -> [f32; 3] {
 
 /// Sine and cosine of an angle increased by at most 0.05 rad.
 #[inline(always)]
-fn turned([s, c]: [f32; 2], by: f32) -> [f32; 2] {
+fn rotated([s, c]: [f32; 2], by: f32) -> [f32; 2] {
     let square = by * by;
     let sin = by * (1.0 - square * (1.0 / 6.0) * (1.0 - square * (1.0 / 20.0)));
     let cos = 1.0 - 0.5 * square * (1.0 - square * (1.0 / 12.0));

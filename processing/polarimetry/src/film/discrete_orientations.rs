@@ -6,19 +6,19 @@
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
-use crate::film::places::{Places, SPACING, log_density};
-use crate::film::pulls::{Place, Pulls};
+use crate::film::score::{Score, SupportScore};
+use crate::film::support_points::{SPACING, SupportPoints, log_density};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Weight below which a spot is dropped: less than a point.
-const NONE: f64 = 1e-6;
+const MIN_WEIGHT: f64 = 1e-6;
 
 /// Maximum number of spots; more do not count as discrete.
-const MOST: usize = 48;
+const MAX_COUNT: usize = 48;
 
 /// Largest spread of weights along the curve that counts as a spot, in standard deviations of a typical point.
-const NARROW: f64 = 0.75;
+const MAX_SPREAD: f64 = 0.75;
 
 /// Iterations, in each of which a spot moves to the centre of its points.
 const ROUNDS: usize = 12;
@@ -27,7 +27,7 @@ const ROUNDS: usize = 12;
 const CHUNK: usize = 1024;
 
 /// Spots on a curve, with the shares of points at each, of outliers and of bare metal.
-pub(crate) struct Spots<'a> {
+pub(crate) struct DiscreteOrientations<'a> {
     curve: &'a Curve,
     thetas: Vec<f64>,
     /// Weights of the spots, of outliers and of bare metal.
@@ -36,51 +36,58 @@ pub(crate) struct Spots<'a> {
 
 /// Sums over points for an update of the spots.
 #[derive(Clone)]
-struct Sums {
+struct Expectation {
     /// Number of points from each spot, of outliers and of bare metal.
     weights: Vec<f64>,
     /// Scores of the spots and of bare metal.
-    pulls: Vec<[f64; 2]>,
+    scores: Vec<[f64; 2]>,
     /// Information about their positions along the curve.
-    told: Vec<f64>,
+    information: Vec<f64>,
     misfit: f64,
 }
 
-impl<'a> Spots<'a> {
+impl<'a> DiscreteOrientations<'a> {
     /// The spots at which weights have concentrated; `None` if they have not.
-    pub fn gathered(curve: &'a Curve, places: &Places, weights: &[f64], [straying, mirror]: [f64; 2]) -> Option<Self> {
+    pub fn from_weights(
+        curve: &'a Curve,
+        support: &SupportPoints,
+        weights: &[f64],
+        [outlier, mirror]: [f64; 2],
+    ) -> Option<Self> {
         let count = weights.len();
-        let first = weights.iter().position(|w| *w < NONE)?;
+        let first = weights.iter().position(|w| *w < MIN_WEIGHT)?;
         let in_order: Vec<(f64, f64)> = (0..count).map(|i| (i as f64, weights[(first + i) % count])).collect();
-        let mut spots = Self { curve, thetas: vec![], weights: vec![] };
-        for run in in_order.chunk_by(|a, b| (a.1 < NONE) == (b.1 < NONE)).filter(|run| run[0].1 >= NONE) {
+        let mut found = Self { curve, thetas: vec![], weights: vec![] };
+        for run in
+            in_order.chunk_by(|a, b| (a.1 < MIN_WEIGHT) == (b.1 < MIN_WEIGHT)).filter(|run| run[0].1 >= MIN_WEIGHT)
+        {
             let sum = |of: &dyn Fn(f64) -> f64| run.iter().map(|(i, w)| w * of(*i)).sum::<f64>();
             let weight = sum(&|_| 1.0);
             let middle = sum(&|i| i) / weight;
             let spread = (sum(&|i| (i - middle).powi(2)) / weight).sqrt();
-            if spread * SPACING > NARROW || spots.thetas.len() == MOST {
+            if spread * SPACING > MAX_SPREAD || found.thetas.len() == MAX_COUNT {
                 return None;
             }
-            spots.thetas.push(places.theta(first as f64 + middle));
-            spots.weights.push(weight);
+            found.thetas.push(support.theta(first as f64 + middle));
+            found.weights.push(weight);
         }
-        spots.weights.extend([straying, mirror]);
-        (!spots.thetas.is_empty()).then_some(spots)
+        found.weights.extend([outlier, mirror]);
+        (!found.thetas.is_empty()).then_some(found)
     }
 
     /// Maximises the likelihood over positions and weights.
-    pub fn fitted(mut self, points: &[CloudPoint]) -> Self {
+    pub fn fit(mut self, points: &[CloudPoint]) -> Self {
         for _ in 0..ROUNDS {
-            let sums = self.sums(points);
+            let expectation = self.expectation(points);
             for (k, theta) in self.thetas.iter_mut().enumerate() {
                 let (_, [x, y]) = self.curve.with_tangent(*theta);
-                let along = sums.pulls[k][0] * x + sums.pulls[k][1] * y;
-                if sums.told[k] > 0.0 {
-                    *theta += along / sums.told[k];
+                let along = expectation.scores[k][0] * x + expectation.scores[k][1] * y;
+                if expectation.information[k] > 0.0 {
+                    *theta += along / expectation.information[k];
                 }
             }
             let all = points.len().max(1) as f64;
-            self.weights = sums.weights.iter().map(|sum| sum / all).collect();
+            self.weights = expectation.weights.iter().map(|sum| sum / all).collect();
         }
         self
     }
@@ -92,11 +99,11 @@ impl<'a> Spots<'a> {
     }
 
     /// Score of the points.
-    pub fn pulls(&self, points: &[CloudPoint]) -> Pulls {
-        let Sums { pulls, misfit, .. } = self.sums(points);
-        let mirror = pulls.last().copied().unwrap_or_default();
-        let places = self.thetas.iter().zip(pulls).map(|(theta, pull)| Place { theta: *theta, pull });
-        Pulls { misfit, places: places.collect(), mirror }
+    pub fn score(&self, points: &[CloudPoint]) -> Score {
+        let Expectation { scores, misfit, .. } = self.expectation(points);
+        let mirror = scores.last().copied().unwrap_or_default();
+        let support = self.thetas.iter().zip(scores).map(|(theta, score)| SupportScore { theta: *theta, score });
+        Score { misfit, support: support.collect(), mirror }
     }
 
     /// Positions of the spots, and of bare metal if there is any.
@@ -107,13 +114,13 @@ impl<'a> Spots<'a> {
     /// ln likelihood of a point, and its posterior shares: of each spot, of bare metal and of outliers, in this order.
     fn shares(&self, point: &CloudPoint, at: &[[f64; 2]], shares: &mut Vec<f64>) -> f64 {
         let density = log_density(point.covariance);
-        let spots = self.thetas.len();
-        let weight = |k: usize| if k < spots { self.weights[k] } else { self.weights[spots + 1] };
+        let count = self.thetas.len();
+        let weight = |k: usize| if k < count { self.weights[k] } else { self.weights[count + 1] };
         shares.clear();
         shares.extend(
             at.iter().enumerate().map(|(k, q)| weight(k).ln() + density([point.at[0] - q[0], point.at[1] - q[1]])),
         );
-        shares.push(self.weights[spots].ln() - PI.ln());
+        shares.push(self.weights[count].ln() - PI.ln());
         let largest = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max).max(-1e300);
         shares.iter_mut().for_each(|share| *share = (*share - largest).exp());
         let sum: f64 = shares.iter().sum();
@@ -121,44 +128,44 @@ impl<'a> Spots<'a> {
         largest + sum.ln()
     }
 
-    fn sums(&self, points: &[CloudPoint]) -> Sums {
-        let (at, spots) = (self.at(), self.thetas.len());
+    fn expectation(&self, points: &[CloudPoint]) -> Expectation {
+        let (at, count) = (self.at(), self.thetas.len());
         let tangents: Vec<[f64; 2]> = self.thetas.iter().map(|theta| self.curve.with_tangent(*theta).1).collect();
-        let none = Sums {
-            weights: vec![0.0; spots + 2],
-            pulls: vec![[0.0; 2]; at.len()],
-            told: vec![0.0; spots],
+        let none = Expectation {
+            weights: vec![0.0; count + 2],
+            scores: vec![[0.0; 2]; at.len()],
+            information: vec![0.0; count],
             misfit: 0.0,
         };
         let of_chunk = |points: &[CloudPoint]| {
-            let (mut sums, mut shares) = (none.clone(), vec![]);
+            let (mut expectation, mut shares) = (none.clone(), vec![]);
             for point in points {
-                sums.misfit -= 2.0 * self.shares(point, &at, &mut shares);
+                expectation.misfit -= 2.0 * self.shares(point, &at, &mut shares);
                 let [a, b, c] = point.weights();
                 for (k, (q, share)) in at.iter().zip(&shares).enumerate() {
-                    sums.weights[if k < spots { k } else { spots + 1 }] += share;
+                    expectation.weights[if k < count { k } else { count + 1 }] += share;
                     let [x, y] = [point.at[0] - q[0], point.at[1] - q[1]];
-                    sums.pulls[k][0] += share * (a * x + b * y);
-                    sums.pulls[k][1] += share * (b * x + c * y);
+                    expectation.scores[k][0] += share * (a * x + b * y);
+                    expectation.scores[k][1] += share * (b * x + c * y);
                     if let Some([x, y]) = tangents.get(k) {
-                        sums.told[k] += share * (a * x * x + 2.0 * b * x * y + c * y * y);
+                        expectation.information[k] += share * (a * x * x + 2.0 * b * x * y + c * y * y);
                     }
                 }
-                sums.weights[spots] += shares[at.len()];
+                expectation.weights[count] += shares[at.len()];
             }
-            sums
+            expectation
         };
-        let parts: Vec<Sums> = points.par_chunks(CHUNK).map(of_chunk).collect();
-        parts.into_iter().fold(none, Sums::plus)
+        let parts: Vec<Expectation> = points.par_chunks(CHUNK).map(of_chunk).collect();
+        parts.into_iter().fold(none, Expectation::plus)
     }
 }
 
-impl Sums {
+impl Expectation {
     fn plus(mut self, other: Self) -> Self {
         let add = |to: &mut [f64], by: &[f64]| to.iter_mut().zip(by).for_each(|(to, by)| *to += by);
         add(&mut self.weights, &other.weights);
-        add(&mut self.told, &other.told);
-        add(self.pulls.as_flattened_mut(), other.pulls.as_flattened());
+        add(&mut self.information, &other.information);
+        add(self.scores.as_flattened_mut(), other.scores.as_flattened());
         self.misfit += other.misfit;
         self
     }
@@ -167,7 +174,7 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::mixture::{pulls, terms};
+    use crate::film::npmle::{score, terms};
     use crate::synthetic::normal;
     use std::f64::consts::TAU;
 
@@ -186,7 +193,7 @@ mod tests {
     /// along the curve, since their centres are fitted. Support points alone fall short of it by 44 to 55, held out or
     /// not.
     #[test]
-    fn spots_are_as_likely_as_a_plain_sum_says() {
+    fn likelihood_equals_a_direct_sum() {
         let curve = Curve::circle([0.0; 2], 0.25);
         for turn in [0.0, 0.011, 0.023] {
             let theta = |i: u64| turn + PI * (i % 5) as f64 / 5.0;
@@ -197,29 +204,29 @@ mod tests {
                 square / SIGMA.powi(2) + 2.0 * (TAU * SIGMA * SIGMA).ln() + 2.0 * 5f64.ln()
             };
             let truth: f64 = points.iter().enumerate().map(truth).sum();
-            let found = pulls(&points, &curve);
+            let found = score(&points, &curve);
             let held_out: f64 = terms(&points, &curve).iter().sum();
             // χ² of nine parameters exceeds 25 once in 300; held out, they cost as much.
             assert!((-25.0..0.5).contains(&(found.misfit - truth)), "{} {truth}", found.misfit);
             assert!((-1.0..25.0).contains(&(held_out - truth)), "{held_out} {truth}");
-            assert_eq!(found.places.len(), 5);
-            let along = |p: &Place| {
+            assert_eq!(found.support.len(), 5);
+            let along = |p: &SupportScore| {
                 let (_, [x, y]) = curve.with_tangent(p.theta);
-                (p.pull[0] * x + p.pull[1] * y) / x.hypot(y)
+                (p.score[0] * x + p.score[1] * y) / x.hypot(y)
             };
             // In standard deviations of the centre of 4000 points.
-            let most = found.places.iter().map(|p| along(p).abs() * SIGMA / 4000f64.sqrt()).fold(0.0, f64::max);
+            let most = found.support.iter().map(|p| along(p).abs() * SIGMA / 4000f64.sqrt()).fold(0.0, f64::max);
             assert!(most < 1e-3, "{most}");
         }
     }
 
     /// Orientations in between, and orientations on a segment of the curve, are not spots.
     #[test]
-    fn what_is_spread_is_no_spots() {
+    fn continuous_distributions_are_not_discrete() {
         let curve = Curve::circle([0.0; 2], 0.25);
         let spread = [1.0, 0.1].map(|part| points(&curve, |i| PI * part * (i as f64 * 0.618_034).fract()));
         for points in spread {
-            assert!(pulls(&points, &curve).places.len() > MOST);
+            assert!(score(&points, &curve).support.len() > MAX_COUNT);
         }
     }
 }

@@ -19,7 +19,7 @@ const MAX_REPORT: u64 = 1 << 24;
 const AGAIN: &str = "reconstruct again";
 
 /// Preview maps on a coarser grid.
-pub struct Glance {
+pub struct Preview {
     /// Number of photographs used.
     pub frames: usize,
     /// Width in pixels.
@@ -37,7 +37,7 @@ pub struct Glance {
 impl Running {
     /// Preview maps from every n-th pixel, with at most `width` columns; the reconstruction is unaffected. `None` while
     /// the angles do not determine an orientation.
-    pub fn glance(&self, width: usize) -> Option<Glance> {
+    pub fn preview(&self, width: usize) -> Option<Preview> {
         let step = self.sums.width().div_ceil(width.max(1)).max(1);
         let views = &self.views[..self.sums.views()];
         let design = Design::new(&views.iter().map(|v| v.angle).collect::<Vec<_>>()).ok()?;
@@ -46,14 +46,14 @@ impl Running {
         let map = orient(&mut maps, &design, &noise, 0.0);
         let dolp = (0..maps.s0.len()).map(|i| maps.s1[i].hypot(maps.s2[i]) / maps.s0[i]).collect();
         let (width, height) = (map.width, map.height);
-        Some(Glance { frames: self.added(), width, height, orientation: map.orientation, sigma: map.sigma, dolp })
+        Some(Preview { frames: self.added(), width, height, orientation: map.orientation, sigma: map.sigma, dolp })
     }
 }
 
 /// Corrections applied by a reconstruction to its photographs, one entry for each analyser position; empty if none were
 /// applied.
 #[derive(Clone, Debug, Default)]
-pub struct PutRight {
+pub struct AppliedCorrections {
     /// Analyser-angle error of each position in degrees.
     angle_errors_deg: Vec<f64>,
     /// Shift of each photograph in pixels, which was corrected.
@@ -62,16 +62,16 @@ pub struct PutRight {
     demosaic: Demosaic,
 }
 
-impl PutRight {
+impl AppliedCorrections {
     /// Reads the corrections from `report.json` in a folder of results.
     ///
     /// # Errors
     /// `Input` if the file is missing, damaged or larger than 16 MiB.
     pub fn read(results: &Path) -> Result<Self> {
         #[derive(Deserialize)]
-        struct Said {
+        struct ReportFields {
             analyser_errors_deg: Option<Vec<f64>>,
-            registration: Option<Moved>,
+            registration: Option<Registration>,
             sensor: Option<Sensor>,
         }
         #[derive(Deserialize)]
@@ -79,17 +79,17 @@ impl PutRight {
             demosaic: Demosaic,
         }
         #[derive(Deserialize)]
-        struct Moved {
+        struct Registration {
             corrected: bool,
             shifts_px: Vec<[f64; 2]>,
         }
         let path = results.join("report.json");
         let text = read_text(&path, MAX_REPORT, AGAIN)?;
-        let said: Said = from_json(&text).map_err(|problem| Error::file(&path, problem, AGAIN))?;
+        let report: ReportFields = from_json(&text).map_err(|problem| Error::file(&path, problem, AGAIN))?;
         Ok(Self {
-            angle_errors_deg: said.analyser_errors_deg.unwrap_or_default(),
-            demosaic: said.sensor.map(|s| s.demosaic).unwrap_or_default(),
-            shifts_px: said.registration.filter(|m| m.corrected).map(|m| m.shifts_px).unwrap_or_default(),
+            angle_errors_deg: report.analyser_errors_deg.unwrap_or_default(),
+            demosaic: report.sensor.map(|s| s.demosaic).unwrap_or_default(),
+            shifts_px: report.registration.filter(|m| m.corrected).map(|m| m.shifts_px).unwrap_or_default(),
         })
     }
 
@@ -137,29 +137,29 @@ pub struct Point {
 /// # Errors
 /// `Input` if this is no polarization set, if the pixel lies outside, or if the corrections belong to other
 /// photographs.
-pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Result<Probe> {
+pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], applied: &AppliedCorrections) -> Result<Probe> {
     let brackets = brackets(&frames.set.frames);
-    let mut views = views(frames, &brackets, right.demosaic)?;
+    let mut views = views(frames, &brackets, applied.demosaic)?;
     let step = views.first().map_or(1, |v| v.step);
     let size = [frames.info.width / step, frames.info.height / step];
     if x >= size[0] || y >= size[1] {
         let problem = format!("pixel {x}, {y} lies outside of {} × {}", size[0], size[1]);
         return Err(Error::file(&frames.path, problem, "choose one inside"));
     }
-    if !right.fits(views.len(), size) {
+    if !applied.fits(views.len(), size) {
         let problem = format!("holds {} analyser positions, other ones than its results are of", views.len());
         return Err(Error::file(&frames.path, problem, AGAIN));
     }
-    views.iter_mut().zip(&right.angle_errors_deg).for_each(|(view, error)| view.angle += error.to_radians());
+    views.iter_mut().zip(&applied.angle_errors_deg).for_each(|(view, error)| view.angle += error.to_radians());
     let linearizer = Linearizer::new(frames)?;
     let weighted = brackets.iter().any(|b| b.len() > 1);
     // Value and weight per view.
     let (mut points, mut merged, mut saturated) = (vec![], vec![], false);
     for (i, bracket) in brackets.iter().enumerate() {
-        let photographs = read(frames, &linearizer, bracket, right.demosaic)?;
+        let photographs = read(frames, &linearizer, bracket, applied.demosaic)?;
         let noise = noise_of_bracket(frames, &linearizer, bracket);
         for (v, view) in views.iter().enumerate().filter(|(_, view)| view.bracket == i) {
-            let back = right.shifts_px.get(v).map(|shift| Resampler::new(*shift, size[0], size[1]));
+            let back = applied.shifts_px.get(v).map(|shift| Resampler::new(*shift, size[0], size[1]));
             let values: Vec<(f32, u8)> =
                 photographs.iter().map(|p| value(p, view, back.as_ref(), [x, y], size[0])).collect();
             for (k, (value, _)) in bracket.iter().zip(&values).filter(|(_, (_, bad))| *bad == 0 || !weighted) {

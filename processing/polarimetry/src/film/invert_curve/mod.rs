@@ -25,10 +25,10 @@ const RUNS: usize = 8;
 
 /// Distance from the curve in standard deviations beyond which a pixel does not follow the model; the excess also
 /// counts as error along the curve.
-const OFF: f32 = 3.0;
+const OUTLIER_SIGMAS: f32 = 3.0;
 
 /// Model and corrections applied to the maps.
-pub(crate) struct Lens<'a> {
+pub(crate) struct Inversion<'a> {
     pub design: &'a Design,
     pub noise: &'a [FrameNoise],
     pub model: &'a Candidate,
@@ -39,14 +39,14 @@ pub(crate) struct Lens<'a> {
 
 /// Orientation, σ and mask of every pixel under a model, and the number of pixels of metal without a grating. For the
 /// sinusoid it equals [`orient`](crate::orientation::orient()). σ reuses the memory of `residual`.
-pub(crate) fn locate(maps: &StokesMaps, residual: Vec<f32>, lens: &Lens) -> (OrientationMaps, usize) {
-    let Lens { design, noise, model, correction, offset } = *lens;
-    let place = match (model.model, model.center) {
+pub(crate) fn invert_curve(maps: &StokesMaps, residual: Vec<f32>, inversion: &Inversion) -> (OrientationMaps, usize) {
+    let Inversion { design, noise, model, correction, offset } = *inversion;
+    let inverse = match (model.model, model.center) {
         (Model::Sinusoid, _) if correction.is_none() => {
             return (phases(maps, residual, design, noise, offset), 0);
         }
-        (_, Some(center)) => Place::Circle(Circle::new(center, &model.curve)),
-        (_, None) => Place::Curve(Box::new(Table::new(model.curve))),
+        (_, Some(center)) => Inverse::Circle(Circle::new(center, &model.curve)),
+        (_, None) => Inverse::Curve(Box::new(Table::new(model.curve))),
     };
     let mut sigma = residual;
     let pixels = Pixels {
@@ -61,7 +61,8 @@ pub(crate) fn locate(maps: &StokesMaps, residual: Vec<f32>, lens: &Lens) -> (Ori
     let blocks = orientation.par_chunks_mut(BLOCK).zip(sigma.par_chunks_mut(BLOCK)).enumerate();
     let mirrors = blocks.map_init(Box::<Run>::default, |run, (block, (theta, sigma))| {
         let runs = theta.chunks_mut(RUN).zip(sigma.chunks_mut(RUN)).enumerate();
-        runs.map(|(k, (theta, sigma))| pixels.locate(&place, block * BLOCK + k * RUN, run, theta, sigma)).sum::<usize>()
+        runs.map(|(k, (theta, sigma))| pixels.project(&inverse, block * BLOCK + k * RUN, run, theta, sigma))
+            .sum::<usize>()
     });
     let mirrors = mirrors.sum();
     (OrientationMaps { width: maps.width, height: maps.height, orientation, sigma }, mirrors)
@@ -102,7 +103,7 @@ impl Default for Run {
 impl Pixels<'_> {
     /// Processes the pixels from `first` on: `sigma` holds residuals and is replaced by σ. Returns the number of pixels
     /// of metal without a grating.
-    fn locate(&self, place: &Place, first: usize, run: &mut Run, theta: &mut [f32], sigma: &mut [f32]) -> usize {
+    fn project(&self, inverse: &Inverse, first: usize, run: &mut Run, theta: &mut [f32], sigma: &mut [f32]) -> usize {
         vectorised(
             #[inline(always)]
             || match &self.covariance {
@@ -117,12 +118,12 @@ impl Pixels<'_> {
                 (run.x[i], run.y[i]) = (x, y);
             }
         }
-        match place {
-            Place::Circle(circle) => vectorised(
+        match inverse {
+            Inverse::Circle(circle) => vectorised(
                 #[inline(always)]
-                || circle.locate(run, count),
+                || circle.project(run, count),
             ),
-            Place::Curve(table) => table.locate_run(run, count),
+            Inverse::Curve(table) => table.project_run(run, count),
         }
         vectorised(
             #[inline(always)]
@@ -155,7 +156,7 @@ impl Pixels<'_> {
     }
 }
 
-enum Place {
+enum Inverse {
     Circle(Circle),
     Curve(Box<Table>),
 }
@@ -173,7 +174,7 @@ impl Circle {
     }
 
     #[inline(always)]
-    fn locate(&self, run: &mut Run, count: usize) {
+    fn project(&self, run: &mut Run, count: usize) {
         let [va, vb, vc] = run.variance.each_ref().map(|v| &v[..count]);
         for i in 0..count {
             let (x, y) = (run.x[i] - self.center[0], run.y[i] - self.center[1]);
@@ -181,7 +182,7 @@ impl Circle {
             let across = (y * y * va[i] - 2.0 * x * y * vb[i] + x * x * vc[i]) / square;
             let along = (x * x * va[i] + 2.0 * x * y * vb[i] + y * y * vc[i]) / square;
             let off = square.sqrt() - self.radius;
-            let excess = (off * off - OFF * OFF * along).max(0.0);
+            let excess = (off * off - OUTLIER_SIGMAS * OUTLIER_SIGMAS * along).max(0.0);
             run.theta[i] = 0.5 * atan2(y, x);
             run.sigma[i] = 0.5 * ((across + excess) / square).sqrt();
         }
@@ -209,7 +210,7 @@ mod tests {
             curve,
             center,
             prior: 0.0,
-            told: None,
+            information_gain: None,
             widened: 1.0,
             uncertain: 0.0,
             film: None,
@@ -228,10 +229,10 @@ mod tests {
                 }
             });
         }
-        let lens = Lens { design: &design, noise: &noise, model: &model, correction: None, offset: 0.0 };
+        let inversion = Inversion { design: &design, noise: &noise, model: &model, correction: None, offset: 0.0 };
         let mut maps = fit.solve(&design);
         let residual = std::mem::take(&mut maps.residual);
-        let (map, mirrors) = locate(&maps, residual, &lens);
+        let (map, mirrors) = invert_curve(&maps, residual, &inversion);
         assert_eq!(mirrors, pixels / 3);
         for (i, theta) in map.orientation.iter().enumerate() {
             let wanted = PI * i as f64 / pixels as f64;

@@ -8,13 +8,13 @@
 //! points distinguish curves. For comparisons of curves, each half of the points is evaluated under the weights of the
 //! other half.
 
+use crate::film::projection::CurveSamples;
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
-use crate::film::foot::Path;
-use crate::film::places::{Places, Rows};
-use crate::film::pulls::{Place, Pulls};
-use crate::film::spots::Spots;
-use crate::film::weights::Weights;
+use crate::film::discrete_orientations::DiscreteOrientations;
+use crate::film::mixing_weights::MixingWeights;
+use crate::film::score::{Score, SupportScore};
+use crate::film::support_points::{LikelihoodRows, SupportPoints};
 use nacre_base::statistics::median;
 use rayon::prelude::*;
 
@@ -22,56 +22,61 @@ use rayon::prelude::*;
 const CHUNK: usize = 1024;
 
 /// Model of the points as samples from a curve.
-struct Source<'a> {
+struct Mixture<'a> {
     curve: &'a Curve,
-    path: Path,
-    places: Places,
+    curve_samples: CurveSamples,
+    support: SupportPoints,
 }
 
-impl<'a> Source<'a> {
+impl<'a> Mixture<'a> {
     /// Support points with the spacing required by the noise of these points; `None` without points.
     fn of(points: &[CloudPoint], curve: &'a Curve) -> Option<Self> {
         let noise = points.iter().map(|p| (0.5 * (p.covariance[0] + p.covariance[2])).sqrt());
         let noise = median(&mut noise.collect::<Vec<f64>>())?;
-        Some(Self { curve, path: Path::new(*curve), places: Places::new(curve, noise) })
+        Some(Self { curve, curve_samples: CurveSamples::new(*curve), support: SupportPoints::new(curve, noise) })
     }
 
     /// Likelihood rows of the points, in chunks of fixed size.
-    fn rows(&self, points: &[CloudPoint]) -> Vec<Rows> {
-        let of_chunk = |points: &[CloudPoint]| Rows::of(points, self.curve, &self.path, &self.places);
+    fn rows(&self, points: &[CloudPoint]) -> Vec<LikelihoodRows> {
+        let of_chunk =
+            |points: &[CloudPoint]| LikelihoodRows::of(points, self.curve, &self.curve_samples, &self.support);
         points.par_chunks(CHUNK).map(of_chunk).collect()
     }
 
     /// The discrete orientations at which the weights concentrate, if they do.
-    fn spots(&self, weights: &Weights, points: &[CloudPoint]) -> Option<Spots<'a>> {
-        let others = [weights.straying, weights.mirror];
-        Some(Spots::gathered(self.curve, &self.places, &weights.places, others)?.fitted(points))
+    fn discrete(&self, weights: &MixingWeights, points: &[CloudPoint]) -> Option<DiscreteOrientations<'a>> {
+        let others = [weights.outlier, weights.mirror];
+        Some(DiscreteOrientations::from_weights(self.curve, &self.support, &weights.support, others)?.fit(points))
     }
 }
 
 /// −2 ln likelihood of each point under a curve, with the distribution of orientations of the other half of the points.
 /// Held-out points prevent an advantage from weights fitted to noise, of which a longer curve has more.
 pub(crate) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
-    let Some(source) = Source::of(points, curve) else { return vec![] };
+    let Some(mixture) = Mixture::of(points, curve) else { return vec![] };
     let half = |first: usize| points.iter().skip(first).step_by(2).copied().collect::<Vec<CloudPoint>>();
     let halves = [0, 1].map(half).map(|half| {
-        let rows = source.rows(&half);
+        let rows = mixture.rows(&half);
         (half, rows)
     });
     let mut terms = vec![0.0; points.len()];
     for (first, other) in [(0, 1), (1, 0)] {
-        let weights =
-            Weights::holding(&halves[other].1, &halves[first].1, source.places.at.len(), curve.mirror.is_some());
-        let of_rows = |rows: &Rows| {
+        let weights = MixingWeights::held_out(
+            &halves[other].1,
+            &halves[first].1,
+            mixture.support.at.len(),
+            curve.mirror.is_some(),
+        );
+        let of_rows = |rows: &LikelihoodRows| {
             let mut terms = Vec::with_capacity(rows.points.len());
-            rows.each(&weights, |row, likelihood, _, _| terms.push(-2.0 * (likelihood.ln() + row.unit)));
+            rows.for_each_point(&weights, |row, likelihood, _, _| terms.push(-2.0 * (likelihood.ln() + row.unit)));
             terms
         };
         let mut of_half: Vec<f64> = halves[first].1.par_iter().flat_map_iter(of_rows).collect();
-        if let Some(spots) = source.spots(&weights, &halves[other].0) {
-            let by_spots = spots.terms(&halves[first].0);
-            if by_spots.iter().sum::<f64>() < of_half.iter().sum() {
-                of_half = by_spots;
+        if let Some(discrete) = mixture.discrete(&weights, &halves[other].0) {
+            let by_discrete = discrete.terms(&halves[first].0);
+            if by_discrete.iter().sum::<f64>() < of_half.iter().sum() {
+                of_half = by_discrete;
             }
         }
         terms.iter_mut().skip(first).step_by(2).zip(of_half).for_each(|(term, of_half)| *term = of_half);
@@ -81,50 +86,51 @@ pub(crate) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
 
 /// Score of the points with respect to displacements of a curve: posterior probability of each support point times the
 /// deviation in the metric of the noise.
-pub(crate) fn pulls(points: &[CloudPoint], curve: &Curve) -> Pulls {
-    let none = Pulls { misfit: 0.0, places: vec![], mirror: [0.0; 2] };
-    let Some(source) = Source::of(points, curve) else { return none };
-    let chunks = source.rows(points);
-    let (places, count) = (&source.places, source.places.at.len());
-    let weights = Weights::likeliest(&chunks, count, curve.mirror.is_some());
-    let of_chunk = |(rows, points): (&Rows, &[CloudPoint])| {
+pub(crate) fn score(points: &[CloudPoint], curve: &Curve) -> Score {
+    let none = Score { misfit: 0.0, support: vec![], mirror: [0.0; 2] };
+    let Some(mixture) = Mixture::of(points, curve) else { return none };
+    let chunks = mixture.rows(points);
+    let (support, count) = (&mixture.support, mixture.support.at.len());
+    let weights = MixingWeights::max_likelihood(&chunks, count, curve.mirror.is_some());
+    let of_chunk = |(rows, points): (&LikelihoodRows, &[CloudPoint])| {
         let (mut sums, mut mirror, mut misfit) = (vec![[0.0; 2]; count], [0.0; 2], 0.0);
         let mut points = points.iter();
-        rows.each(&weights, |row, likelihood, runs, values| {
+        rows.for_each_point(&weights, |row, likelihood, runs, values| {
             misfit -= 2.0 * (likelihood.ln() + row.unit);
             let Some(point) = points.next() else { return };
             let [a, b, c] = point.weights();
-            let pull = |at: [f64; 2], share: f64| {
+            let score = |at: [f64; 2], share: f64| {
                 let [x, y] = [0, 1].map(|k| share * (point.at[k] - at[k]));
                 [a * x + b * y, b * x + c * y]
             };
             let add = |sum: &mut [f64; 2], by: [f64; 2]| (0..2).for_each(|k| sum[k] += by[k]);
-            let mut left = values;
+            let mut unread = values;
             for run in runs {
-                let (of_run, rest) = left.split_at(run.length);
-                left = rest;
+                let (of_run, rest) = unread.split_at(run.length);
+                unread = rest;
                 for (i, value) in of_run.iter().enumerate().filter(|(_, v)| **v > 0.0) {
                     let k = (run.start + i) % count;
-                    let share = f64::from(*value) * weights.places[k] / likelihood;
-                    add(&mut sums[k], pull(places.at[k], share));
+                    let share = f64::from(*value) * weights.support[k] / likelihood;
+                    add(&mut sums[k], score(support.at[k], share));
                 }
             }
             if let Some(at) = curve.mirror {
-                add(&mut mirror, pull(at, row.mirror * weights.mirror / likelihood));
+                add(&mut mirror, score(at, row.mirror * weights.mirror / likelihood));
             }
         });
         (sums, mirror, misfit)
     };
     let parts: Vec<_> = chunks.par_iter().zip(points.par_chunks(CHUNK)).map(of_chunk).collect();
-    let thetas = places.thetas.iter();
-    let mut all = Pulls { places: thetas.map(|theta| Place { theta: *theta, pull: [0.0; 2] }).collect(), ..none };
+    let thetas = support.thetas.iter();
+    let mut all =
+        Score { support: thetas.map(|theta| SupportScore { theta: *theta, score: [0.0; 2] }).collect(), ..none };
     for (sums, mirror, misfit) in parts {
         all.misfit += misfit;
         (0..2).for_each(|k| all.mirror[k] += mirror[k]);
-        all.places.iter_mut().zip(sums).for_each(|(place, sum)| (0..2).for_each(|k| place.pull[k] += sum[k]));
+        all.support.iter_mut().zip(sums).for_each(|(support, sum)| (0..2).for_each(|k| support.score[k] += sum[k]));
     }
-    let of_spots = source.spots(&weights, points).map(|spots| spots.pulls(points));
-    of_spots.filter(|pulls| pulls.misfit < all.misfit).unwrap_or(all)
+    let of_discrete = mixture.discrete(&weights, points).map(|discrete| discrete.score(points));
+    of_discrete.filter(|score| score.misfit < all.misfit).unwrap_or(all)
 }
 
 #[cfg(test)]
@@ -147,10 +153,10 @@ mod tests {
     /// from the other half of the points cost 2 (weights fitted to the same half gain 11). Another circle, larger by a
     /// fifth of the noise, is less likely.
     #[test]
-    fn points_are_as_likely_as_a_plain_sum_says() {
+    fn likelihood_equals_a_direct_sum() {
         let (radius, sigma, n) = (0.25, 0.05, 4000);
         let points = on_circle(radius, sigma, n);
-        let plainly = |p: &CloudPoint| {
+        let direct = |p: &CloudPoint| {
             let density = |k: u32| {
                 let (sin, cos) = (TAU * f64::from(k) / 512.0).sin_cos();
                 let square = (p.at[0] - radius * cos).powi(2) + (p.at[1] - radius * sin).powi(2);
@@ -158,7 +164,7 @@ mod tests {
             };
             -2.0 * (0..512).map(density).sum::<f64>().ln() + 2.0 * 512f64.ln()
         };
-        let truth: f64 = points.iter().map(plainly).sum();
+        let truth: f64 = points.iter().map(direct).sum();
         let of = |curve: &Curve| terms(&points, curve).iter().sum::<f64>();
         let circle = |radius: f64| Curve::circle([0.0; 2], radius);
         let (found, other) = (of(&circle(radius)), of(&circle(radius + 0.2 * sigma)));
@@ -170,7 +176,7 @@ mod tests {
     /// of a thousand support points to noise must not count. In-sample weights gain 560, and 110 less for another curve
     /// whose search ended differently.
     #[test]
-    fn chance_does_not_count() {
+    fn noise_does_not_increase_the_likelihood() {
         let (radius, sigma, n) = (0.25, 0.003, 20_000);
         let points = on_circle(radius, sigma, n);
         let across = |p: &CloudPoint| ((p.at[0].hypot(p.at[1]) - radius) / sigma).powi(2) + (TAU * sigma * sigma).ln();
@@ -185,14 +191,14 @@ mod tests {
     /// The score is the derivative of the likelihood. It is compared for a circle that is too large, with respect to
     /// its radius, to 5 % (the weights end 0.3 below their maximum; the likelihood changes by 90).
     #[test]
-    fn pulls_are_the_slope_of_the_likelihood() {
+    fn score_is_the_derivative_of_the_likelihood() {
         let (radius, sigma, n) = (0.25, 0.05, 4000);
         let points = on_circle(radius, sigma, n);
-        let of = |radius: f64| pulls(&points, &Curve::circle([0.0; 2], radius));
+        let of = |radius: f64| score(&points, &Curve::circle([0.0; 2], radius));
         let (at, by) = (radius + 0.3 * sigma, 0.02 * sigma);
         let slope = (of(at + by).misfit - of(at - by).misfit) / (2.0 * by);
-        let outward = |p: &Place| p.pull[0] * (2.0 * p.theta).cos() + p.pull[1] * (2.0 * p.theta).sin();
-        let pulled = -2.0 * of(at).places.iter().map(outward).sum::<f64>();
-        assert!(slope > 0.0 && (pulled / slope - 1.0).abs() < 0.05, "{pulled} {slope}");
+        let outward = |p: &SupportScore| p.score[0] * (2.0 * p.theta).cos() + p.score[1] * (2.0 * p.theta).sin();
+        let scored = -2.0 * of(at).support.iter().map(outward).sum::<f64>();
+        assert!(slope > 0.0 && (scored / slope - 1.0).abs() < 0.05, "{scored} {slope}");
     }
 }

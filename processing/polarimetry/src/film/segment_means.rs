@@ -1,44 +1,44 @@
 //! Points about a curve, summed up per segment. The sums distinguish curves close to this one as well as the points do,
 //! in a hundredth of the time.
 
+use crate::film::projection::{ClosestPoint, project};
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
-use crate::film::foot::{Foot, feet};
 use crate::film::normal::CAUCHY;
 use std::f64::consts::PI;
 
 /// Segments of equal angle: curves of films differ by a few waves per turn.
-const STRETCHES: usize = 128;
+const SEGMENTS: usize = 128;
 
 /// Largest decrease of a sum's distance to a curve by moving along it, in standard deviations. All segments together
 /// then change the difference of curves (−2 ln likelihood) by at most 128 · 0.1², about 1.
-const BENT: f64 = 0.1;
+const MAX_APPROACH: f64 = 0.1;
 
 /// Mean offsets across a curve of the points in each segment, as points. Their variance across the curve is that of the
 /// mean. Their variance along it is so large that the bend within the segment is irrelevant. Points on bare metal form
 /// a further one.
-pub(crate) fn summed_up(points: &[CloudPoint], curve: &Curve) -> Vec<CloudPoint> {
-    let mut stretches = vec![Stretch::default(); STRETCHES];
+pub(crate) fn segment_means(points: &[CloudPoint], curve: &Curve) -> Vec<CloudPoint> {
+    let mut segments = vec![Segment::default(); SEGMENTS];
     let mut mirror = Mirror::default();
-    for (point, foot) in points.iter().zip(&feet(points, *curve)) {
-        if foot.mirror {
-            mirror.add(point, foot);
+    for (point, closest) in points.iter().zip(&project(points, *curve)) {
+        if closest.mirror {
+            mirror.add(point, closest);
         } else {
-            let at = foot.theta.rem_euclid(PI) / PI * STRETCHES as f64;
-            stretches[(at as usize).min(STRETCHES - 1)].add(point, foot);
+            let at = closest.theta.rem_euclid(PI) / PI * SEGMENTS as f64;
+            segments[(at as usize).min(SEGMENTS - 1)].add(point, closest);
         }
     }
-    stretches.iter().filter_map(|s| s.point(curve)).chain(mirror.point()).collect()
+    segments.iter().filter_map(|s| s.point(curve)).chain(mirror.point()).collect()
 }
 
 /// Robust weight of distant points, as in fits.
-fn weight(foot: &Foot) -> f64 {
-    1.0 / (1.0 + (foot.distance / CAUCHY).powi(2))
+fn weight(closest: &ClosestPoint) -> f64 {
+    1.0 / (1.0 + (closest.distance / CAUCHY).powi(2))
 }
 
 /// Sums of the points of a segment.
 #[derive(Clone, Default)]
-struct Stretch {
+struct Segment {
     /// Sum of weights: inverse variances across the curve.
     weight: f64,
     /// Weighted sums of offsets across, and of sine and cosine of twice the orientation.
@@ -48,16 +48,16 @@ struct Stretch {
     along: f64,
 }
 
-impl Stretch {
-    fn add(&mut self, point: &CloudPoint, foot: &Foot) {
-        let ([x, y], [a, b, c]) = (foot.gradient, point.covariance);
+impl Segment {
+    fn add(&mut self, point: &CloudPoint, closest: &ClosestPoint) {
+        let ([x, y], [a, b, c]) = (closest.gradient, point.covariance);
         // The gradient's length is 1/σ across the curve.
         let square = x * x + y * y;
-        let weight = weight(foot) * square;
+        let weight = weight(closest) * square;
         self.weight += weight;
-        self.offset += weight * foot.distance / square.sqrt();
-        self.turn[0] += weight * foot.turn.0;
-        self.turn[1] += weight * foot.turn.1;
+        self.offset += weight * closest.distance / square.sqrt();
+        self.turn[0] += weight * closest.turn.0;
+        self.turn[1] += weight * closest.turn.1;
         self.along += weight * (a * c - b * b) * square;
     }
 
@@ -74,7 +74,7 @@ impl Stretch {
         let [nx, ny] = [-ty, tx];
         let across = 1.0 / self.weight;
         let curvature = (nx * bend[0] + ny * bend[1]) / (speed * speed);
-        let along = (self.along / self.weight).min(2.0 * BENT * across.sqrt() / curvature.abs());
+        let along = (self.along / self.weight).min(2.0 * MAX_APPROACH * across.sqrt() / curvature.abs());
         // Projections subtract the mean effect of noise along a bent curve, which offsets do not contain, so it is
         // added here.
         let offset = self.offset / self.weight - 0.5 * curvature * along;
@@ -96,8 +96,8 @@ struct Mirror {
 }
 
 impl Mirror {
-    fn add(&mut self, point: &CloudPoint, foot: &Foot) {
-        let [a, b, c] = point.weights().map(|w| w * weight(foot));
+    fn add(&mut self, point: &CloudPoint, closest: &ClosestPoint) {
+        let [a, b, c] = point.weights().map(|w| w * weight(closest));
         let [x, y] = point.at;
         self.weights.iter_mut().zip([a, b, c]).for_each(|(sum, w)| *sum += w);
         self.at[0] += a * x + b * y;
@@ -127,7 +127,7 @@ mod tests {
     /// rise by 0.776 of them. Sums therefore give up to 1.18 times the difference, and less for large distances. Their
     /// squared distances are 0.678 on average, ± 0.085 for 128.
     #[test]
-    fn films_are_told_apart_as_by_all_points() {
+    fn films_are_distinguished_as_by_all_points() {
         let film = Film { ln_r: 0.2, zeta: 1.0, retardance: 0.15, axis: 0.6, ..Film::NONE };
         let (sigma, n) = (0.02, 40_000);
         let point = |i: u64| {
@@ -136,13 +136,13 @@ mod tests {
             CloudPoint { pixel: 0, at, covariance: [sigma * sigma, 0.0, sigma * sigma], snr: 5.0 }
         };
         let points: Vec<CloudPoint> = (0..n).map(point).collect();
-        let sums = summed_up(&points, &film.curve());
-        assert!(sums.len() <= STRETCHES && sums.len() > STRETCHES / 2, "{}", sums.len());
+        let means = segment_means(&points, &film.curve());
+        assert!(means.len() <= SEGMENTS && means.len() > SEGMENTS / 2, "{}", means.len());
         let cost = |points: &[CloudPoint], film: &Film| {
             let limit = CAUCHY * CAUCHY;
-            feet(points, film.curve()).iter().map(|f| limit * (f.distance.powi(2) / limit).ln_1p()).sum::<f64>()
+            project(points, film.curve()).iter().map(|f| limit * (f.distance.powi(2) / limit).ln_1p()).sum::<f64>()
         };
-        let noise = feet(&sums, film.curve()).iter().map(|f| f.distance.powi(2)).sum::<f64>() / sums.len() as f64;
+        let noise = project(&means, film.curve()).iter().map(|f| f.distance.powi(2)).sum::<f64>() / means.len() as f64;
         assert!((noise - 0.678).abs() < 4.0 * 0.085, "{noise}");
         let others = [
             Film { ln_r: film.ln_r + 4e-3, ..film },
@@ -152,7 +152,7 @@ mod tests {
             Film { stray: 1e-3, ..film },
         ];
         for other in others {
-            let [all, few] = [&points, &sums].map(|points| cost(points, &other) - cost(points, &film));
+            let [all, few] = [&points, &means].map(|points| cost(points, &other) - cost(points, &film));
             assert!(all > 4.0 && (0.9..1.3).contains(&(few / all)), "{few} {all} {other:?}");
         }
     }

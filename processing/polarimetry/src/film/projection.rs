@@ -12,14 +12,14 @@ use std::sync::LazyLock;
 const NODES: usize = 128;
 
 /// Points processed in parallel (SIMD).
-pub(crate) const SIDE_BY_SIDE: usize = 8;
+pub(crate) const LANE_COUNT: usize = 8;
 
 /// Points per task of a thread.
-const TOGETHER: usize = 512;
+const POINTS_PER_TASK: usize = 512;
 
 /// Projection of a point onto the curve.
 #[derive(Clone, Copy)]
-pub struct Foot {
+pub struct ClosestPoint {
     /// Orientation in rad.
     pub theta: f64,
     /// Sine and cosine of 2θ.
@@ -36,24 +36,24 @@ pub struct Foot {
 /// metric of their noise. Without this correction a circle of radius R would be found at R + σ²/2R. Valid to first
 /// order in the curvature, up to a radius of one standard deviation.
 #[inline(always)]
-fn outward(curvature: f64) -> f64 {
+fn curvature_bias(curvature: f64) -> f64 {
     0.5 * curvature.clamp(-1.0, 1.0)
 }
 
 /// A curve with its nodes.
-pub struct Path {
+pub struct CurveSamples {
     curve: Curve,
     /// First coordinates, then second ones; single precision suffices to find the segment, eight at a time.
     nodes: [[f32; NODES]; 2],
 }
 
 /// Sine and cosine of 2θ at the nodes.
-static TURNS: LazyLock<[(f64, f64); NODES]> =
+static NODE_TURNS: LazyLock<[(f64, f64); NODES]> =
     LazyLock::new(|| std::array::from_fn(|k| (2.0 * PI * k as f64 / NODES as f64).sin_cos()));
 
 /// Sine and cosine of an angle increased by a small one (rad): accurate to 1.6e-13 up to 0.05.
 #[inline(always)]
-fn turned((s, c): (f64, f64), by: f64) -> (f64, f64) {
+fn rotated((s, c): (f64, f64), by: f64) -> (f64, f64) {
     let square = by * by;
     // Written as constants: the compiler may not replace divisions by 6 and 20 with products, because of rounding.
     let sin = by * (1.0 + square * (-1.0 / 6.0 + square * (1.0 / 120.0)));
@@ -61,12 +61,12 @@ fn turned((s, c): (f64, f64), by: f64) -> (f64, f64) {
     (s * cos + c * sin, c * cos - s * sin)
 }
 
-impl Path {
+impl CurveSamples {
     /// Computes the nodes of a curve.
     pub fn new(curve: Curve) -> Self {
         let mut nodes = [[0.0; NODES]; 2];
         let [xs, ys] = &mut nodes;
-        for ((turn, x), y) in TURNS.iter().zip(xs).zip(ys) {
+        for ((turn, x), y) in NODE_TURNS.iter().zip(xs).zip(ys) {
             let (at, _) = curve.at_turn(*turn);
             (*x, *y) = (at[0] as f32, at[1] as f32);
         }
@@ -85,64 +85,64 @@ impl Path {
             *d = (a * x + twice * y) * x + c * (y * y);
         }
         // Minima in parallel lanes, which the compiler vectorises.
-        let groups = distances.as_chunks::<SIDE_BY_SIDE>().0;
-        let mut minima = [f32::INFINITY; SIDE_BY_SIDE];
+        let groups = distances.as_chunks::<LANE_COUNT>().0;
+        let mut minima = [f32::INFINITY; LANE_COUNT];
         for group in groups {
             minima.iter_mut().zip(group).for_each(|(least, d)| *least = if *d < *least { *d } else { *least });
         }
         let least = minima.iter().fold(f32::INFINITY, |least, d| if *d < least { *d } else { least });
         for (k, group) in groups.iter().enumerate() {
             if group.iter().fold(false, |any, d| any | (*d <= least)) {
-                return SIDE_BY_SIDE * k + group.iter().position(|d| *d <= least).unwrap_or(0);
+                return LANE_COUNT * k + group.iter().position(|d| *d <= least).unwrap_or(0);
             }
         }
         0
     }
 
     /// Projections of points in the metric of their noise.
-    pub fn feet(&self, points: &[CloudPoint]) -> Vec<Foot> {
-        let mut feet = Vec::with_capacity(points.len());
+    pub fn project(&self, points: &[CloudPoint]) -> Vec<ClosestPoint> {
+        let mut closest_points = Vec::with_capacity(points.len());
         let (groups, rest) = points.as_chunks();
         vectorised(
             #[inline(always)]
             || {
                 for group in groups {
-                    feet.extend_from_slice(&self.places::<SIDE_BY_SIDE>(group));
+                    closest_points.extend_from_slice(&self.project_lanes::<LANE_COUNT>(group));
                 }
                 for point in rest {
-                    feet.push(self.foot(point));
+                    closest_points.push(self.closest_point(point));
                 }
             },
         );
-        feet
+        closest_points
     }
 
     /// Projection of one point.
-    pub fn foot(&self, point: &CloudPoint) -> Foot {
-        let [foot] = self.places(&[*point]);
-        foot
+    pub fn closest_point(&self, point: &CloudPoint) -> ClosestPoint {
+        let [closest] = self.project_lanes(&[*point]);
+        closest
     }
 
     /// Projections of a few points in parallel lanes, which the compiler vectorises.
     #[inline(always)]
-    fn places<const N: usize>(&self, points: &[CloudPoint; N]) -> [Foot; N] {
+    fn project_lanes<const N: usize>(&self, points: &[CloudPoint; N]) -> [ClosestPoint; N] {
         // A loop instead of an array's `map`, whose closure may be compiled separately for old processors.
         let mut nodes = [0; N];
         for (node, p) in nodes.iter_mut().zip(points) {
             *node = self.nearest_node(p.at, p.covariance);
         }
-        let feet = self.refined(points, nodes);
+        let closest_points = self.refined(points, nodes);
         std::array::from_fn(|i| {
-            let foot = feet[i];
-            let beside = self.curve.mirror.and_then(|at| mirror(&points[i], at, &foot));
-            beside.filter(|m| m.distance < foot.distance.abs()).unwrap_or(foot)
+            let closest = closest_points[i];
+            let beside = self.curve.mirror.and_then(|at| mirror(&points[i], at, &closest));
+            beside.filter(|m| m.distance < closest.distance.abs()).unwrap_or(closest)
         })
     }
 
     /// Refines the projections, starting from nodes.
     #[inline(always)]
-    fn refined<const N: usize>(&self, points: &[CloudPoint; N], nodes: [usize; N]) -> [Foot; N] {
-        let (step, turns) = (PI / NODES as f64, &*TURNS);
+    fn refined<const N: usize>(&self, points: &[CloudPoint; N], nodes: [usize; N]) -> [ClosestPoint; N] {
+        let (step, turns) = (PI / NODES as f64, &*NODE_TURNS);
         let [mut px, mut py, mut a, mut b, mut c, mut va, mut vb, mut vc] = [[0.0; N]; 8];
         let [mut theta, mut sin, mut cos] = [[0.0; N]; 3];
         for (i, p) in points.iter().enumerate() {
@@ -159,7 +159,7 @@ impl Path {
                 let on = ((wx * x + wy * y) / speed).clamp(-step, step);
                 let on = if speed > 0.0 { on } else { 0.0 };
                 theta[i] += on;
-                (sin[i], cos[i]) = turned((sin[i], cos[i]), 2.0 * on);
+                (sin[i], cos[i]) = rotated((sin[i], cos[i]), 2.0 * on);
             }
         }
         let (mut distance, mut gx, mut gy) = ([0.0; N], [0.0; N], [0.0; N]);
@@ -171,18 +171,18 @@ impl Path {
             (gx[i], gy[i]) = (nx * across, ny * across);
             let speed = a[i] * t[0] * t[0] + 2.0 * b[i] * t[0] * t[1] + c[i] * t[1] * t[1];
             let curvature = (gx[i] * bend[0] + gy[i] * bend[1]) / speed.max(f64::MIN_POSITIVE);
-            distance[i] = gx[i] * (px[i] - q[0]) + gy[i] * (py[i] - q[1]) + outward(curvature);
+            distance[i] = gx[i] * (px[i] - q[0]) + gy[i] * (py[i] - q[1]) + curvature_bias(curvature);
         }
         std::array::from_fn(|i| {
             let (turn, gradient) = ((sin[i], cos[i]), [gx[i], gy[i]]);
-            Foot { theta: theta[i], turn, distance: distance[i], gradient, mirror: false }
+            ClosestPoint { theta: theta[i], turn, distance: distance[i], gradient, mirror: false }
         })
     }
 
     /// All local minima of the distance from a point to the curve, at most `farther` standard deviations farther than
     /// the nearest one.
     #[inline(always)]
-    pub(crate) fn feet_within(&self, point: &CloudPoint, farther: f64) -> Vec<Foot> {
+    pub(crate) fn local_minima_within(&self, point: &CloudPoint, farther: f64) -> Vec<ClosestPoint> {
         let [a, b, c] = point.weights();
         let distance = |k: usize| {
             let (x, y) = (point.at[0] - f64::from(self.nodes[0][k]), point.at[1] - f64::from(self.nodes[1][k]));
@@ -197,41 +197,41 @@ impl Path {
             (a * x * x + 2.0 * b * x * y + c * y * y).sqrt()
         };
         let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
-        let mut feet = vec![];
+        let mut closest_points = vec![];
         for k in 0..NODES {
             let (before, after) = ((k + NODES - 1) % NODES, (k + 1) % NODES);
             let is_least = distances[k] <= distances[before] && distances[k] < distances[after];
             if is_least && distances[k] - between(k, before).max(between(k, after)) < least + farther {
-                feet.push(self.refined(&[*point], [k])[0]);
+                closest_points.push(self.refined(&[*point], [k])[0]);
             }
         }
-        feet
+        closest_points
     }
 }
 
 /// A point as metal without a grating. Its distance has two dimensions, so noise has an RMS of √2, which is used as the
 /// unit.
-fn mirror(point: &CloudPoint, at: [f64; 2], foot: &Foot) -> Option<Foot> {
+fn mirror(point: &CloudPoint, at: [f64; 2], closest: &ClosestPoint) -> Option<ClosestPoint> {
     let [a, b, c] = point.weights();
     let (x, y) = (point.at[0] - at[0], point.at[1] - at[1]);
     let (wx, wy) = (a * x + b * y, b * x + c * y);
     let distance = (0.5 * (wx * x + wy * y)).sqrt();
     let gradient = [0.5 * wx / distance, 0.5 * wy / distance];
-    (distance > 0.0).then_some(Foot { distance, gradient, mirror: true, ..*foot })
+    (distance > 0.0).then_some(ClosestPoint { distance, gradient, mirror: true, ..*closest })
 }
 
 /// Projections of points onto a curve.
-pub fn feet(points: &[CloudPoint], curve: Curve) -> Vec<Foot> {
-    let path = Path::new(curve);
-    if points.len() <= TOGETHER {
-        return path.feet(points);
+pub fn project(points: &[CloudPoint], curve: Curve) -> Vec<ClosestPoint> {
+    let curve_samples = CurveSamples::new(curve);
+    if points.len() <= POINTS_PER_TASK {
+        return curve_samples.project(points);
     }
-    points.par_chunks(TOGETHER).flat_map_iter(|points| path.feet(points)).collect()
+    points.par_chunks(POINTS_PER_TASK).flat_map_iter(|points| curve_samples.project(points)).collect()
 }
 
 /// Typical distance in standard deviations, at least 1.
-pub fn scale_of(feet: &[Foot]) -> f64 {
-    let mut distances: Vec<f64> = feet.iter().map(|f| f.distance.abs()).collect();
+pub fn robust_scale(closest_points: &[ClosestPoint]) -> f64 {
+    let mut distances: Vec<f64> = closest_points.iter().map(|f| f.distance.abs()).collect();
     median(&mut distances).map_or(1.0, |median| (1.4826 * median).clamp(1.0, 1e12))
 }
 
@@ -242,9 +242,9 @@ mod tests {
 
     /// Tested up to the step between nodes. The first neglected term of the sine is 0.05⁷/5040 = 1.55e-13.
     #[test]
-    fn small_turns_are_those_of_sine_and_cosine() {
+    fn small_rotations_match_sine_and_cosine() {
         for (angle, by) in (0..60).flat_map(|k| [-0.05, -0.02, 0.0, 0.013, 0.05].map(|by| (0.1 * f64::from(k), by))) {
-            let ((sin, cos), wanted) = (turned(f64::sin_cos(angle), by), (angle + by).sin_cos());
+            let ((sin, cos), wanted) = (rotated(f64::sin_cos(angle), by), (angle + by).sin_cos());
             assert!((sin - wanted.0).abs().max((cos - wanted.1).abs()) < 1.6e-13, "{angle} {by}");
         }
         assert!(2.0 * PI / NODES as f64 <= 0.05);
@@ -253,7 +253,7 @@ mod tests {
     /// Points about a circle of five standard deviations lie on average 0.1 standard deviations outside of it.
     /// Corrected distances have zero mean (standard error of 200,000 points 0.0022, next order 0.001).
     #[test]
-    fn noise_about_a_bent_curve_has_no_mean_distance() {
+    fn noise_about_a_curved_line_has_zero_mean_distance() {
         let (radius, sigma, n) = (0.25, 0.05, 200_000);
         let point = |i: u64| {
             let (sin, cos) = (2.0 * PI * i as f64 / n as f64).sin_cos();
@@ -261,8 +261,8 @@ mod tests {
             CloudPoint { pixel: 0, at, covariance: [sigma * sigma, 0.0, sigma * sigma], snr: 5.0 }
         };
         let points: Vec<CloudPoint> = (0..n).map(point).collect();
-        let feet = feet(&points, Curve::circle([0.0; 2], radius));
-        let mean = feet.iter().map(|f| f.distance).sum::<f64>() / n as f64;
+        let closest_points = project(&points, Curve::circle([0.0; 2], radius));
+        let mean = closest_points.iter().map(|f| f.distance).sum::<f64>() / n as f64;
         assert!(mean.abs() < 0.012, "{mean}");
     }
 }
