@@ -1,7 +1,7 @@
-//! HID devices at the report level: on a device node, or on the socket of an emulated device (see [`crate::seam`]).
+//! HID devices at the report level: on a device node, or on the socket of an emulated device (see [`crate::transport`]).
 
 use crate::discovery::{Access, HidNode, Root, check, hid_nodes};
-use crate::seam::{self, Seam, Transfer};
+use crate::socket_transport::{self, SocketTransport, Transfer};
 use crate::{Class, DeviceError, DeviceResult};
 use std::ffi::CString;
 use std::io;
@@ -37,11 +37,11 @@ pub trait Reports: Send {
 /// # Errors
 /// `Setup` if the device is missing or may not be opened; the message contains the remedy.
 pub fn open(device: &str, path: &str) -> DeviceResult<Box<dyn Reports>> {
-    if let Some(socket) = path.strip_prefix(seam::PREFIX) {
-        let seam = Seam::open(Path::new(socket)).map_err(|e| {
+    if let Some(socket) = path.strip_prefix(socket_transport::PREFIX) {
+        let transport = SocketTransport::open(Path::new(socket)).map_err(|e| {
             cannot_open(device, path, e.to_string()).remedy("start the emulated device that this path belongs to")
         })?;
-        return Ok(Box::new(Socket { seam, device: device.into() }));
+        return Ok(Box::new(Socket { transport, device: device.into() }));
     }
     match check(&Root::default(), Path::new(path)) {
         Access::Denied { remedy } => return Err(cannot_open(device, path, "no permission".into()).remedy(remedy)),
@@ -101,7 +101,7 @@ impl Hidraw {
             let text = error.to_string();
             let there = Path::new(&self.path).exists();
             let kind = if there && text.contains("EPIPE") { io::ErrorKind::InvalidInput } else { io::ErrorKind::Other };
-            seam::failed(&self.device, command, &io::Error::new(kind, text))
+            socket_transport::failed(&self.device, command, &io::Error::new(kind, text))
         })
     }
 }
@@ -131,13 +131,13 @@ impl Reports for Hidraw {
 
 /// An emulated device.
 struct Socket {
-    seam: Seam,
+    transport: SocketTransport,
     device: String,
 }
 
 impl Socket {
     fn transfer(&mut self, command: &str, kind: Transfer, payload: &[u8]) -> DeviceResult<Vec<u8>> {
-        self.seam.transfer(kind, payload).map_err(|e| seam::failed(&self.device, command, &e))
+        self.transport.transfer(kind, payload).map_err(|e| socket_transport::failed(&self.device, command, &e))
     }
 }
 

@@ -10,7 +10,7 @@ use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use nacre_frames::load;
 use nacre_image::encode_png8;
-use nacre_polarimetry::{Point, AppliedCorrections, probe};
+use nacre_polarimetry::{AppliedCorrections, Point, probe};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};

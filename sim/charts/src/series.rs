@@ -4,7 +4,7 @@ use nacre_base::{Error, Result};
 use nacre_frames::{Frame, FrameSet, Kind, check};
 use nacre_image::write_png16_gray;
 use nacre_polarimetry::synthetic::{Synthetic, even_angles};
-use nacre_polarimetry::{UNREACHABLE_FACTOR, NoiseModel, Running, orient};
+use nacre_polarimetry::{NoiseModel, Running, UNREACHABLE_FACTOR, orient};
 use nacre_studies::polarimetry::judge;
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::path::Path;

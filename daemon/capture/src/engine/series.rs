@@ -3,8 +3,8 @@
 use crate::plan::{Added, MORE, UntilDecided, UntilSigma};
 use crate::session::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 use nacre_base::{Error, Result};
-use nacre_periods::spots::Survey;
-use nacre_polarimetry::{UNREACHABLE_FACTOR, Precision, Running};
+use nacre_periods::fringes::Survey;
+use nacre_polarimetry::{Precision, Running, UNREACHABLE_FACTOR};
 
 /// Continuation of a series.
 #[derive(Clone, Copy, Debug, PartialEq)]

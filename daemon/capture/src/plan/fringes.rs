@@ -3,7 +3,7 @@
 use super::{Limits, Plan};
 use crate::setup::Setup;
 use nacre_drivers::Pattern;
-use nacre_periods::spots::{
+use nacre_periods::fringes::{
     LEAST_FRINGES, MAX_CARRIERS, Optics, Prediction, Request, Setting, cheapest, frequencies, predict, reachable,
 };
 use nacre_polarimetry::NoiseModel;

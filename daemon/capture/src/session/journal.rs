@@ -285,7 +285,7 @@ impl Journal {
     }
 
     /// Analyser angle in degrees at the first frame that records it.
-    pub fn stood(&self) -> Option<f64> {
+    pub fn fixed_analyser_deg(&self) -> Option<f64> {
         self.commits().find_map(|c| c.analyser_deg)
     }
 

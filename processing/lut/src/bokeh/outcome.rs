@@ -8,9 +8,9 @@ use super::period::Lines;
 use super::report::{
     Deconvolution, Heights, LinesReport, NoiseReport, Report, Scale, Seconds, SliceReport, SlitsReport,
 };
+use super::rotation::Map;
 use super::slice::{Line, Slice};
 use super::slits::Slits;
-use super::turn::Map;
 use std::path::Path;
 
 /// Ratio of misfit to its expected value above which a warning is issued.

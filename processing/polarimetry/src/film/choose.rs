@@ -2,9 +2,9 @@
 
 use crate::angle_difference;
 use crate::film::check::{WIDEST_GAP_DEG, gap, lie_together};
-use crate::film::projection::CurveSamples;
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::models::{Candidate, Evidence, Model, NPMLE_MIN_POINTS, candidates, orientation};
+use crate::film::projection::CurveSamples;
 use crate::film::search::{Begin, ENOUGH, POLARIZER, alike, at_limit, curves, with_max_likelihood};
 use nacre_base::statistics::quantile;
 use nalgebra::{Matrix3, Vector3};

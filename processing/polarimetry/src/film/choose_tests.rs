@@ -1,9 +1,9 @@
 //! Tests of the selected model against the truth, on series for which the paper's method fails.
 
 use crate::film::choose::{Choice, choose};
-use crate::film::projection::CurveSamples;
 use crate::film::cloud::{CloudPoint, cloud};
 use crate::film::models::{Candidate, Model, orientation};
+use crate::film::projection::CurveSamples;
 use crate::film::search::Begin;
 use crate::film::solve_options::SolveOptions;
 use crate::solve::{orient_with, solve_model};

@@ -266,8 +266,8 @@ fn circles(choice: &Choice) -> Vec<Film> {
 mod tests {
     use super::*;
     use crate::angle_difference;
-    use crate::film::projection::CurveSamples;
     use crate::film::models::orientation;
+    use crate::film::projection::CurveSamples;
     use crate::synthetic::{normal, uniform};
     use nacre_frames::Distances;
 

@@ -1,10 +1,10 @@
 //! Fits a closed curve to points. The residual is the distance of a point to the nearest point of the curve, in units
 //! of its noise, with a robust cost (Levenberg and Marquardt with Cauchy weights).
 
-use crate::film::projection::{ClosestPoint, CurveSamples, LANE_COUNT, project, robust_scale};
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
 use crate::film::normal::{CAUCHY, Lanes, Normal};
+use crate::film::projection::{ClosestPoint, CurveSamples, LANE_COUNT, project, robust_scale};
 use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nacre_base::vectors::vectorised;
 use nalgebra::{DMatrix, DVector};

@@ -4,10 +4,10 @@
 //! close to every point. The likelihood also contains the density of points along the curve. A long curve, on which
 //! points are less dense, is thus penalised for its length.
 
-use crate::film::projection::{ClosestPoint, project, robust_scale};
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
 use crate::film::normal::CAUCHY;
+use crate::film::projection::{ClosestPoint, project, robust_scale};
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 

@@ -2,12 +2,12 @@
 //! second branch, the nearest point is often not the true origin of a point. The distances are then biased beyond their
 //! statistical error.
 
-use crate::film::projection::project;
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::curve::Curve;
 use crate::film::curve_fit::{Family, Fitted};
-use crate::film::score::Score;
 use crate::film::npmle;
+use crate::film::projection::project;
+use crate::film::score::Score;
 use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nalgebra::{DMatrix, DVector};
 use std::convert::Infallible;

@@ -19,12 +19,12 @@
 //!
 //! docs/validation/models.md lists the thresholds of the decision, with scenes that require each of them.
 
-use crate::film::projection::CurveSamples;
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::curve::{Curve, Film};
 use crate::film::curve_fit::{COST_OF_NOISE, Family, Fitted, Prior};
 use crate::film::evidence;
 use crate::film::npmle;
+use crate::film::projection::CurveSamples;
 use nacre_base::statistics::median;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! Sums of a least-squares step over several points in parallel lanes, which the compiler vectorises.
 
-use crate::film::projection::{ClosestPoint, LANE_COUNT};
 use crate::film::curve::{Curve, PARAMETERS};
+use crate::film::projection::{ClosestPoint, LANE_COUNT};
 
 /// Scale of the Cauchy weights in standard deviations: the weight of larger distances decreases.
 pub const CAUCHY: f64 = 3.0;

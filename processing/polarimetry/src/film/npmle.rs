@@ -8,11 +8,11 @@
 //! points distinguish curves. For comparisons of curves, each half of the points is evaluated under the weights of the
 //! other half.
 
-use crate::film::projection::CurveSamples;
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
 use crate::film::discrete_orientations::DiscreteOrientations;
 use crate::film::mixing_weights::MixingWeights;
+use crate::film::projection::CurveSamples;
 use crate::film::score::{Score, SupportScore};
 use crate::film::support_points::{LikelihoodRows, SupportPoints};
 use nacre_base::statistics::median;

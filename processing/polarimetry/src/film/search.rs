@@ -2,7 +2,6 @@
 //! of the points are used first, then, near the curve, sums of all points about it.
 
 use crate::angle_difference;
-use crate::film::projection::CurveSamples;
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::curve::{Curve, Film, PARAMETERS};
 use crate::film::curve_fit::{Family, Fitted, Prior};
@@ -10,6 +9,7 @@ use crate::film::evidence;
 use crate::film::max_likelihood::maximise_likelihood;
 use crate::film::models::{Candidate, Model, NPMLE_MIN_POINTS, SPREAD, candidates, widened};
 use crate::film::npmle;
+use crate::film::projection::CurveSamples;
 use crate::film::segment_means::segment_means;
 use crate::film::starts::{nearest, starts};
 use num_complex::Complex;

@@ -1,10 +1,10 @@
 //! Points about a curve, summed up per segment. The sums distinguish curves close to this one as well as the points do,
 //! in a hundredth of the time.
 
-use crate::film::projection::{ClosestPoint, project};
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
 use crate::film::normal::CAUCHY;
+use crate::film::projection::{ClosestPoint, project};
 use std::f64::consts::PI;
 
 /// Segments of equal angle: curves of films differ by a few waves per turn.

@@ -1,9 +1,9 @@
 //! Starts of the film search: the most promising films of a grid, and those that explain a circle through the points.
 
-use crate::film::projection::{ClosestPoint, CurveSamples};
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::{Curve, Film};
 use crate::film::evidence;
+use crate::film::projection::{ClosestPoint, CurveSamples};
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};

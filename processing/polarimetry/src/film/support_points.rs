@@ -1,8 +1,8 @@
 //! Support points along a curve, and the likelihoods of each point for the nearby ones.
 
-use crate::film::projection::{ClosestPoint, CurveSamples};
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
+use crate::film::projection::{ClosestPoint, CurveSamples};
 use nacre_base::vectors::vectorised;
 use std::f64::consts::{PI, TAU};
 

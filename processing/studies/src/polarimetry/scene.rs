@@ -5,8 +5,8 @@ use nacre_base::Result;
 use nacre_plot::style::number;
 use nacre_polarimetry::synthetic::{Photographs, Synthetic};
 use nacre_polarimetry::{
-    SolveOptions, SAMPLE_PIXELS, Design, Fit, Model, OrientationMaps, StokesMaps, angle_difference, angle_sigma, compare, angle_errors,
-    orient, orient_with,
+    Design, Fit, Model, OrientationMaps, SAMPLE_PIXELS, SolveOptions, StokesMaps, angle_difference, angle_errors,
+    angle_sigma, compare, orient, orient_with,
 };
 use num_complex::Complex;
 use std::f64::consts::PI;
@@ -39,7 +39,8 @@ pub(super) fn sinusoid() -> Method {
 
 /// The program's default model with nominal analyser angles.
 pub(super) fn nominal_angles() -> Method {
-    let solve = |maps: &mut StokesMaps, of: &Photographs| Ok(with_nominal_angles(maps, of, SolveOptions::of(Model::Auto)));
+    let solve =
+        |maps: &mut StokesMaps, of: &Photographs| Ok(with_nominal_angles(maps, of, SolveOptions::of(Model::Auto)));
     Method { name: "auto, angles as said", solve: Arc::new(solve), default: false }
 }
 
@@ -185,7 +186,8 @@ mod tests {
         let missed = (0..12).map(|k| f64::to_radians(0.5) * normal(1, k)).collect();
         let too_far = even_angles(12).iter().map(|a| a / 180.0).collect();
         for scene in [bare(missed), bare(too_far)] {
-            let [auto, phase] = [method(Model::Auto, SAMPLE_PIXELS), sinusoid()].map(|m| run(&scene, &m, 4000, 1).unwrap());
+            let [auto, phase] =
+                [method(Model::Auto, SAMPLE_PIXELS), sinusoid()].map(|m| run(&scene, &m, 4000, 1).unwrap());
             assert!(auto.error.unwrap() < phase.error.unwrap() + 0.01 && auto.wrong == 0.0, "{auto:?} {phase:?}");
         }
     }

@@ -5,7 +5,7 @@
 //! from the film.
 
 use super::scene::{
-    Method, PROMISED, nominal_angles, judge, methods, orientation_error, pixels, ratio, run, sinusoid, time_of_map,
+    Method, PROMISED, judge, methods, nominal_angles, orientation_error, pixels, ratio, run, sinusoid, time_of_map,
 };
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
 use nacre_base::Result;

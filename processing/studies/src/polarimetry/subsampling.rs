@@ -4,7 +4,7 @@ use super::scene::{PROMISED, method, orientation_error, ratio, run, time_of_map}
 use crate::{Axis, Effort, Scene, Setting, Study};
 use nacre_plot::style::number;
 use nacre_polarimetry::synthetic::Synthetic;
-use nacre_polarimetry::{SAMPLE_PIXELS, Model, NoiseModel};
+use nacre_polarimetry::{Model, NoiseModel, SAMPLE_PIXELS};
 
 const PIXELS: [usize; 7] = [50, 150, 500, 1500, 5000, 15_000, SAMPLE_PIXELS];
 const ELECTRONS: [f64; 5] = [1000.0, 4000.0, 12_000.0, 40_000.0, 160_000.0];

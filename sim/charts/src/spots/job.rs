@@ -7,7 +7,7 @@ use nacre_base::{Error, Result};
 use nacre_drivers::Pattern;
 use nacre_frames::{Distances, Frame, FrameSet, Fringes, Kind, save};
 use nacre_image::{read_exr, write_png16_gray};
-use nacre_periods::spots::{Report, Settings, frequencies, reconstruct};
+use nacre_periods::fringes::{Report, Settings, frequencies, reconstruct};
 use nacre_polarimetry::{NoiseModel, angle_difference};
 use nacre_sim::BenchConfig;
 use nacre_sim::Truth;

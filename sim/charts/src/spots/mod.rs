@@ -6,7 +6,7 @@ mod job;
 pub use job::{Judged, Shown, bench, judged, photograph};
 
 use nacre_base::{Error, Result};
-use nacre_periods::spots::Settings;
+use nacre_periods::fringes::Settings;
 use nacre_sim::BenchConfig;
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 

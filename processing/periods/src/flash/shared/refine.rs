@@ -49,7 +49,7 @@ pub(super) fn refined(
         let judged: Vec<Option<Best>> = places.par_iter().map(|p| best(p, &gratings)).collect();
         let good = |b: &Best| match round {
             0 | 1 => LOOSE.contains(&b.amount),
-            _ => WHOLE.contains(&b.amount) && b.doubt().is_none(),
+            _ => WHOLE.contains(&b.amount) && b.mask_reason().is_none(),
         };
         let fitted = |k: usize| {
             let own = |(p, b): (&'_ Vec<Copy>, &Option<Best>)| {

@@ -1,7 +1,7 @@
 //! Device commands on a simulated bench with a slowly settling lamp.
 
-use super::take::prepare;
-use super::{Devices, Hands};
+use super::sequencer::prepare;
+use super::{BenchController, Devices};
 use crate::plan::Plan;
 use async_trait::async_trait;
 use nacre_base::progress::Silent;
@@ -55,13 +55,13 @@ fn run<T>(future: impl Future<Output = T>) -> T {
 #[test]
 fn a_lamp_that_settles_for_long_is_waited_for() {
     let (bench, mut devices) = bench();
-    let mut hands = Hands::new(&mut devices);
+    let mut controller = BenchController::new(&mut devices);
     let (frame, lit) = run(async {
-        hands.prepare(false).await?;
-        hands.expose(Duration::from_millis(8), 1.0).await?;
-        hands.switch(true).await?;
+        controller.prepare(false).await?;
+        controller.expose(Duration::from_millis(8), 1.0).await?;
+        controller.switch(true).await?;
         let lit = bench.now();
-        DeviceResult::Ok((hands.fresh().await?.0, lit))
+        DeviceResult::Ok((controller.fresh().await?.0, lit))
     })
     .unwrap();
     assert!(frame.stamp.timestamp >= lit + SETTLING + Duration::from_millis(8), "{:?} after {lit:?}", frame.stamp);
@@ -71,12 +71,12 @@ fn a_lamp_that_settles_for_long_is_waited_for() {
 #[test]
 fn other_devices_are_used_while_a_lamp_settles() {
     let (_bench, mut devices) = bench();
-    let mut hands = Hands::new(&mut devices);
+    let mut controller = BenchController::new(&mut devices);
     run(async {
-        hands.switch(true).await?;
-        hands.show(Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 50.0 }).await?;
-        hands.cover(false).await?;
-        hands.dark().await
+        controller.switch(true).await?;
+        controller.show(Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 50.0 }).await?;
+        controller.cover(false).await?;
+        controller.dark().await
     })
     .unwrap();
 }
@@ -89,16 +89,16 @@ fn a_clock_that_is_set_back_leaves_no_frame_with_the_earlier_exposure() {
         let (_bench, mut devices) = bench_with(faults);
         // Removes waits for the lamp.
         devices.flash = None;
-        let mut hands = Hands::new(&mut devices);
+        let mut controller = BenchController::new(&mut devices);
         run(async {
             for exposure_us in [4000, 1000] {
-                hands.prepare(true).await?;
-                hands.show(Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 100.0 }).await?;
+                controller.prepare(true).await?;
+                controller.show(Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 100.0 }).await?;
                 // Frames accumulate in the camera meanwhile.
-                hands.turn(20.0).await?;
-                hands.expose(Duration::from_micros(exposure_us), 1.0).await?;
+                controller.turn(20.0).await?;
+                controller.expose(Duration::from_micros(exposure_us), 1.0).await?;
             }
-            let codes = hands.fresh().await?.0.codes;
+            let codes = controller.fresh().await?.0.codes;
             DeviceResult::Ok(codes.iter().map(|c| f64::from(*c)).sum::<f64>())
         })
     };
@@ -121,30 +121,31 @@ fn a_clock_that_is_set_back_leaves_no_frame_with_the_earlier_exposure() {
 fn an_analyser_that_the_plan_leaves_alone_is_compared() {
     let plan: Plan = toml::from_str("kind = \"flash\"").unwrap();
     let (_bench, mut devices) = bench();
-    let mut hands = Hands::new(&mut devices);
+    let mut controller = BenchController::new(&mut devices);
     run(async {
-        hands.turn(20.0).await.unwrap();
-        prepare(&mut hands, &plan).await.unwrap();
-        let stood = hands.stood.unwrap();
-        assert!((stood - 20.0).abs() < 0.1, "{stood}");
-        prepare(&mut hands, &plan).await.unwrap();
+        controller.turn(20.0).await.unwrap();
+        prepare(&mut controller, &plan).await.unwrap();
+        let fixed_analyser_deg = controller.fixed_analyser_deg.unwrap();
+        assert!((fixed_analyser_deg - 20.0).abs() < 0.1, "{fixed_analyser_deg}");
+        prepare(&mut controller, &plan).await.unwrap();
         for moved in [20.4, 65.0, -20.0] {
-            hands.turn(moved).await.unwrap();
-            let error = prepare(&mut hands, &plan).await.unwrap_err().to_string();
+            controller.turn(moved).await.unwrap();
+            let error = prepare(&mut controller, &plan).await.unwrap_err().to_string();
             assert!(
-                error.contains("simulated stage") && error.contains(&format!("turn the analyser back to {stood:.3}°")),
+                error.contains("simulated stage")
+                    && error.contains(&format!("turn the analyser back to {fixed_analyser_deg:.3}°")),
                 "{error}"
             );
         }
-        hands.turn(20.0).await.unwrap();
-        prepare(&mut hands, &plan).await.unwrap();
-        assert_eq!(hands.stood, Some(stood));
+        controller.turn(20.0).await.unwrap();
+        prepare(&mut controller, &plan).await.unwrap();
+        assert_eq!(controller.fixed_analyser_deg, Some(fixed_analyser_deg));
     });
 }
 
-struct Asked(Arc<Mutex<Vec<String>>>);
+struct RecordedPrompts(Arc<Mutex<Vec<String>>>);
 
-impl Prompt for Asked {
+impl Prompt for RecordedPrompts {
     fn ask(&mut self, request: &str) -> std::io::Result<()> {
         self.0.lock().unwrap().push(request.into());
         Ok(())
@@ -157,16 +158,16 @@ impl Prompt for Asked {
 fn a_person_is_asked_to_turn_the_analyser_back() {
     let plan: Plan = toml::from_str("kind = \"flash\"").unwrap();
     let (bench, mut devices) = bench();
-    let asked = Arc::new(Mutex::new(vec![]));
-    devices.stage = Box::new(HandStage::new(Box::new(Asked(asked.clone())), Arc::new(bench), None));
-    let mut hands = Hands::new(&mut devices);
+    let prompts = Arc::new(Mutex::new(vec![]));
+    devices.stage = Box::new(HandStage::new(Box::new(RecordedPrompts(prompts.clone())), Arc::new(bench), None));
+    let mut controller = BenchController::new(&mut devices);
     run(async {
-        prepare(&mut hands, &plan).await.unwrap();
-        assert_eq!((hands.stood, asked.lock().unwrap().len()), (None, 0));
-        hands.stood = Some(37.0);
+        prepare(&mut controller, &plan).await.unwrap();
+        assert_eq!((controller.fixed_analyser_deg, prompts.lock().unwrap().len()), (None, 0));
+        controller.fixed_analyser_deg = Some(37.0);
         for _ in 0..2 {
-            prepare(&mut hands, &plan).await.unwrap();
-            assert_eq!(*asked.lock().unwrap(), ["turn the analyser to 37° and press Enter"]);
+            prepare(&mut controller, &plan).await.unwrap();
+            assert_eq!(*prompts.lock().unwrap(), ["turn the analyser to 37° and press Enter"]);
         }
     });
 }

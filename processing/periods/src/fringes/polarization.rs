@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// Effect of a polarization map.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
-pub struct Helped {
+pub struct PolarizationVerification {
     /// Offset to add to its orientations, in degrees; varies with the period if periods are mixed.
     pub offset_deg: f64,
     /// Median absolute deviation from the offset in degrees, over pixels with both.
@@ -53,7 +53,7 @@ impl Orientations {
     }
 
     /// Determines the offset, decides ambiguous pixels, and masks contradicted ones.
-    pub fn help(&self, found: &mut Found) -> Option<Helped> {
+    pub fn verify(&self, found: &mut Found) -> Option<PolarizationVerification> {
         let apart = |i: usize, orientation: f64| {
             let turn = f64::from(self.turn[i]);
             turn.is_finite().then(|| fold(orientation - turn))
@@ -68,7 +68,7 @@ impl Orientations {
         let about = 0.5 * f64::atan2(sin, cos);
         let middle = about + median(offsets.iter().map(|o| fold(o - about)).collect::<Vec<_>>())?;
         let spread = median(offsets.iter().map(|o| fold(o - middle).abs()).collect::<Vec<_>>())?;
-        let mut helped = Helped {
+        let mut verification = PolarizationVerification {
             offset_deg: fold(middle).to_degrees(),
             spread_deg: spread.to_degrees(),
             shared: offsets.len(),
@@ -83,7 +83,7 @@ impl Orientations {
                     let Some(off) = apart(i, grating.orientation).map(|o| fold(o - middle).abs()) else { continue };
                     if off > tolerance(grating.orientation_sigma).max(5f64.to_radians()) {
                         found.verdicts[i] = Verdict::Ambiguous;
-                        helped.contradicted += 1;
+                        verification.contradicted += 1;
                     }
                 }
                 Verdict::Ambiguous => {
@@ -95,13 +95,13 @@ impl Orientations {
                     if fits[0] != fits[1] {
                         found.gratings[i] = Some(pair[usize::from(fits[1])]);
                         found.verdicts[i] = Verdict::Resolved;
-                        helped.decided += 1;
+                        verification.decided += 1;
                     }
                 }
                 _ => {}
             }
         }
-        Some(helped)
+        Some(verification)
     }
 }
 
@@ -131,7 +131,7 @@ mod tests {
     /// The offset is found across the wrap at 180°, the consistent rival is selected, and contradicted pixels are
     /// masked.
     #[test]
-    fn a_second_opinion_decides_and_contradicts() {
+    fn polarization_decides_and_contradicts() {
         let (offset, count) = (170.0, 50);
         let truth = |i: usize| 3.6 * i as f64;
         let orientations = Orientations {
@@ -148,9 +148,9 @@ mod tests {
         found.rivals[8] = Some([grating(truth(8) + 70.0), grating(truth(8) + 0.1)]);
         (found.verdicts[9], found.gratings[9]) = (Verdict::Ambiguous, None);
         found.rivals[9] = Some([grating(truth(9) + 70.0), grating(truth(9) - 50.0)]);
-        let helped = orientations.help(&mut found).unwrap();
-        assert!(fold((helped.offset_deg - offset).to_radians()).abs() < 1e-3, "{helped:?}");
-        assert_eq!((helped.contradicted, helped.decided), (1, 1));
+        let verification = orientations.verify(&mut found).unwrap();
+        assert!(fold((verification.offset_deg - offset).to_radians()).abs() < 1e-3, "{verification:?}");
+        assert_eq!((verification.contradicted, verification.decided), (1, 1));
         assert_eq!(found.verdicts[7..10], [Verdict::Ambiguous, Verdict::Resolved, Verdict::Ambiguous]);
         let chosen = found.gratings[8].unwrap().orientation.to_degrees();
         assert!((chosen - truth(8) - 0.1).abs() < 1e-6, "{chosen}");

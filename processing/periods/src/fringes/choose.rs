@@ -114,7 +114,7 @@ pub fn cheapest(optics: &Optics, noise: &NoiseModel, like: &Setting, request: &R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spots::optics::tests::facing;
+    use crate::fringes::optics::tests::facing;
 
     fn optics() -> Optics {
         Optics { band: 0.0076, ..facing() }

@@ -32,7 +32,7 @@ pub struct Devices {
 }
 
 /// Checked device commands, with the resulting state.
-pub struct Hands<'a> {
+pub struct BenchController<'a> {
     devices: &'a mut Devices,
     limits: Limits,
     /// Known state of the devices.
@@ -40,14 +40,14 @@ pub struct Hands<'a> {
     /// Time spent on device commands.
     pub stopwatch: Stopwatch,
     /// Analyser angle in degrees, once known, of a session whose plan does not rotate the analyser.
-    pub stood: Option<f64>,
+    pub fixed_analyser_deg: Option<f64>,
 }
 
 /// State of the devices, kept between tasks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
     angle: f64,
-    asked: Option<(Duration, f64)>,
+    requested: Option<(Duration, f64)>,
     controls: Option<Controls>,
     freshness: Freshness,
     flash_since: Option<Duration>,
@@ -58,7 +58,7 @@ pub struct Memory {
 
 /// Source of a time; each device has a different settling time.
 #[derive(Clone, Copy)]
-enum Whose {
+enum TimeSource {
     Stage,
     Camera,
     Display,
@@ -99,7 +99,7 @@ impl Devices {
     }
 }
 
-impl<'a> Hands<'a> {
+impl<'a> BenchController<'a> {
     /// Takes control of devices in unknown state.
     pub fn new(devices: &'a mut Devices) -> Self {
         Self::with(devices, Memory::default())
@@ -108,7 +108,7 @@ impl<'a> Hands<'a> {
     /// Takes control of devices in a known state.
     pub fn with(devices: &'a mut Devices, memory: Memory) -> Self {
         let limits = devices.limits();
-        Self { devices, limits, memory, stopwatch: Stopwatch::default(), stood: None }
+        Self { devices, limits, memory, stopwatch: Stopwatch::default(), fixed_analyser_deg: None }
     }
 
     /// Limits of the devices.
@@ -135,7 +135,7 @@ impl<'a> Hands<'a> {
     pub async fn home(&mut self) -> DeviceResult<()> {
         let arrived = timed(&mut self.stopwatch, self.devices.stage.home()).await?;
         self.memory.angle = 0.0;
-        self.steady(Whose::Stage, arrived.since, "home")
+        self.record_steady(TimeSource::Stage, arrived.since, "home")
     }
 
     /// Switches all light off. Every lamp is tried, even after failures of others.
@@ -148,7 +148,7 @@ impl<'a> Hands<'a> {
             None => Ok(()),
         };
         let shown = timed(&mut self.stopwatch, self.devices.display.dark()).await;
-        let panel = shown.and_then(|shown| self.believe(shown, Pattern::Black));
+        let panel = shown.and_then(|shown| self.check_shown(shown, Pattern::Black));
         flash.and(panel)
     }
 
@@ -180,19 +180,21 @@ impl<'a> Hands<'a> {
     /// # Errors
     /// Those of the camera; `Setup` if it sets another value.
     pub async fn expose(&mut self, exposure: Duration, gain: f64) -> DeviceResult<()> {
-        if self.memory.asked == Some((exposure, gain)) {
+        if self.memory.requested == Some((exposure, gain)) {
             return Ok(());
         }
         let controls = timed(&mut self.stopwatch, self.devices.camera.configure(exposure, gain)).await?;
-        let as_asked = |is: f64, asked: f64| (is / asked - 1.0).abs() <= CONTROL_TOLERANCE;
-        if !(as_asked(controls.exposure.as_secs_f64(), exposure.as_secs_f64()) && as_asked(controls.gain, gain)) {
+        let within_tolerance = |is: f64, requested: f64| (is / requested - 1.0).abs() <= CONTROL_TOLERANCE;
+        if !(within_tolerance(controls.exposure.as_secs_f64(), exposure.as_secs_f64())
+            && within_tolerance(controls.gain, gain))
+        {
             let expected = format!("an exposure of {} s and a gain of {gain}", exposure.as_secs_f64());
             let got = format!("{} s and {}", controls.exposure.as_secs_f64(), controls.gain);
             return Err(DeviceError::new(&self.limits.camera.id, "set exposure and gain", expected, got)
                 .remedy("choose an exposure that the camera can do")
                 .class(Class::Setup));
         }
-        self.steady(Whose::Camera, controls.set_at, "set exposure and gain")?;
+        self.record_steady(TimeSource::Camera, controls.set_at, "set exposure and gain")?;
         let lag = self.limits.camera.control_lag_frames;
         let mut first = None;
         let most = self.most_stale();
@@ -204,11 +206,11 @@ impl<'a> Hands<'a> {
                 self.memory.freshness.first_sequence = first;
                 self.memory.freshness.duration =
                     controls.exposure + Duration::from_secs_f64(self.limits.camera.readout_s);
-                (self.memory.asked, self.memory.controls) = (Some((exposure, gain)), Some(controls));
+                (self.memory.requested, self.memory.controls) = (Some((exposure, gain)), Some(controls));
                 return Ok(());
             }
         }
-        Err(self.only_stale(most))
+        Err(self.stale_error(most))
     }
 
     /// Exposure and gain in use.
@@ -225,7 +227,7 @@ impl<'a> Hands<'a> {
             return Ok(());
         }
         let since = timed(&mut self.stopwatch, self.devices.camera.cover(closed)).await?;
-        self.steady(Whose::Camera, since, "close or open the shutter")
+        self.record_steady(TimeSource::Camera, since, "close or open the shutter")
     }
 
     /// Shows a pattern.
@@ -234,18 +236,18 @@ impl<'a> Hands<'a> {
     /// Those of the panel; `Retry` if it acknowledges another pattern.
     pub async fn show(&mut self, pattern: Pattern) -> DeviceResult<()> {
         let shown = timed(&mut self.stopwatch, self.devices.display.show(pattern)).await?;
-        self.believe(shown, pattern)
+        self.check_shown(shown, pattern)
     }
 
     /// Checks that the panel acknowledges the requested pattern.
-    fn believe(&mut self, shown: Shown, pattern: Pattern) -> DeviceResult<()> {
+    fn check_shown(&mut self, shown: Shown, pattern: Pattern) -> DeviceResult<()> {
         if shown.pattern != pattern {
             let (expected, got) = (format!("{pattern:?}"), format!("{:?}", shown.pattern));
             return Err(DeviceError::new(&self.limits.display.id, "show a pattern", expected, got)
                 .remedy("check that nothing else draws on the panel, then resume the session")
                 .class(Class::Retry));
         }
-        self.steady(Whose::Display, shown.since, "show a pattern")
+        self.record_steady(TimeSource::Display, shown.since, "show a pattern")
     }
 
     /// Rotates the analyser, approaching the angle from below.
@@ -264,7 +266,7 @@ impl<'a> Hands<'a> {
                 return Err(DeviceError::new(&self.limits.stage.id, command, expected, got).remedy(remedy));
             }
             self.memory.angle = stop;
-            self.steady(Whose::Stage, arrived.since, "move")?;
+            self.record_steady(TimeSource::Stage, arrived.since, "move")?;
         }
         Ok(())
     }
@@ -301,7 +303,7 @@ impl<'a> Hands<'a> {
         };
         let command = if on { "switch on" } else { "switch off" };
         let word = |on| if on { "on" } else { "off" };
-        let switched = timed(&mut self.stopwatch, flash.switch(on)).await.map_err(perhaps_lit)?;
+        let switched = timed(&mut self.stopwatch, flash.switch(on)).await.map_err(may_be_lit)?;
         if switched.on != on {
             let remedy = "switch it off by hand and check its wiring, then resume the session";
             return Err(DeviceError::new(&info.id, command, word(on), word(switched.on)).remedy(remedy));
@@ -313,7 +315,7 @@ impl<'a> Hands<'a> {
             return Err(DeviceError::new(&info.id, command, expected, got).remedy(remedy));
         }
         self.memory.flash_since = on.then_some(switched.since);
-        self.steady(Whose::Flash, switched.since, command)
+        self.record_steady(TimeSource::Flash, switched.since, command)
     }
 
     /// True if the flash reports to be on.
@@ -322,7 +324,7 @@ impl<'a> Hands<'a> {
     /// Those of the flash.
     pub async fn is_lit(&mut self) -> DeviceResult<bool> {
         match &mut self.devices.flash {
-            Some(flash) => timed(&mut self.stopwatch, flash.is_on()).await.map_err(perhaps_lit),
+            Some(flash) => timed(&mut self.stopwatch, flash.is_on()).await.map_err(may_be_lit),
             None => Ok(false),
         }
     }
@@ -339,7 +341,7 @@ impl<'a> Hands<'a> {
                 return Ok((frame, dropped));
             }
         }
-        Err(self.only_stale(most))
+        Err(self.stale_error(most))
     }
 
     /// Criterion for fresh frames in the present state.
@@ -355,7 +357,7 @@ impl<'a> Hands<'a> {
         let taken = timed(&mut self.stopwatch, self.devices.camera.next_frame(fresh)).await;
         if taken.as_ref().is_err_and(|e| e.class == Class::Lost) {
             // A reconnected camera starts with default settings.
-            self.memory.asked = None;
+            self.memory.requested = None;
         }
         let frame = taken?;
         let info = &self.limits.camera;
@@ -387,16 +389,16 @@ impl<'a> Hands<'a> {
     }
 
     /// Records a change, steady since this time.
-    fn steady(&mut self, whose: Whose, since: Duration, command: &str) -> DeviceResult<()> {
+    fn record_steady(&mut self, source: TimeSource, since: Duration, command: &str) -> DeviceResult<()> {
         // The camera reports a time only when its exposure is set. There may be no earlier one, so it is also compared
         // with the times of other devices, which may be ahead by their settling time.
-        let others = match whose {
-            Whose::Camera => self.memory.reported.iter().max().copied().unwrap_or_default(),
+        let others = match source {
+            TimeSource::Camera => self.memory.reported.iter().max().copied().unwrap_or_default(),
             _ => Duration::ZERO,
         };
         let settling = self.limits.flash.as_ref().map_or(0.0, |f| f.settling_s).max(self.limits.stage.settling_s);
         let others = others.saturating_sub(Duration::from_secs_f64(settling));
-        let before = std::mem::replace(&mut self.memory.reported[whose as usize], since).max(others);
+        let before = std::mem::replace(&mut self.memory.reported[source as usize], since).max(others);
         if since + CLOCK_TOLERANCE < before {
             let expected = format!("a time after {:.3} s", before.as_secs_f64());
             let got = format!("{:.3} s", since.as_secs_f64());
@@ -417,7 +419,7 @@ impl<'a> Hands<'a> {
         MAX_STALE + (self.limits.stage.settling_s.max(flash) / interval).ceil() as u32
     }
 
-    fn only_stale(&self, most: u32) -> DeviceError {
+    fn stale_error(&self, most: u32) -> DeviceError {
         let expected = format!("one among {most}");
         DeviceError::new(
             &self.limits.camera.id,
@@ -430,7 +432,7 @@ impl<'a> Hands<'a> {
 }
 
 /// A flash that does not answer may be on, which only a person can verify.
-fn perhaps_lit(error: DeviceError) -> DeviceError {
+fn may_be_lit(error: DeviceError) -> DeviceError {
     let remedy = format!("the light may be on: see that it is off, by hand if need be; {}", error.remedy);
     if error.class == Class::Setup { error } else { error.remedy(remedy) }
 }

@@ -76,8 +76,8 @@ pub(super) fn solve_into(
     }
     let calibrated = begun.elapsed().as_secs_f64();
     let mut found = scan(&signals, &optics, &points, demands, progress)?;
-    let discs = discs::told(&frames, &optics, &points, &mut found, progress)?;
-    let polarization = orientations.and_then(|o| o.help(&mut found));
+    let discs = discs::verify(&frames, &optics, &points, &mut found, progress)?;
+    let polarization = orientations.and_then(|o| o.verify(&mut found));
     let solved = begun.elapsed().as_secs_f64();
     progress.stage("writing", 1);
     let wavelength_nm = 1000.0 * optics.wavelength_um;

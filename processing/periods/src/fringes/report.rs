@@ -56,10 +56,10 @@ pub struct Report {
     pub response: Response,
     /// Effect of disc photographs, if there are at least four.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub discs: Option<super::discs::Told>,
+    pub discs: Option<super::discs::DiscVerification>,
     /// Effect of the polarization map, if given.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub polarization: Option<super::polarization::Helped>,
+    pub polarization: Option<super::polarization::PolarizationVerification>,
     /// Computation times.
     pub seconds: Seconds,
 }

@@ -1,6 +1,6 @@
 //! Contents of the report: common uncertainty, assumptions and warnings.
 
-use super::fit::{Found, Why};
+use super::fit::{Found, MaskReason};
 use super::reconstruct::{Fitted, Job};
 use super::report::{Masked, PeriodReport, Registration, Report, Seconds};
 use super::settings::{Directions, Orientation, Settings};
@@ -201,18 +201,18 @@ impl Job {
 }
 
 fn masked(found: &[Found]) -> Masked {
-    let share = |why: Why| {
+    let share = |why: MaskReason| {
         let count = found.iter().filter(|f| matches!(f, Found::Masked(w) if *w == why)).count();
         count as f64 / found.len().max(1) as f64
     };
     let all = found.iter().filter(|f| matches!(f, Found::Masked(_))).count();
     Masked {
         all: all as f64 / found.len().max(1) as f64,
-        unseen: share(Why::Unseen),
-        dark: share(Why::Dark),
-        ambiguous: share(Why::Ambiguous),
-        several: share(Why::Several),
-        uncertain: share(Why::Uncertain),
-        unexplained: share(Why::Unexplained),
+        unseen: share(MaskReason::Unseen),
+        dark: share(MaskReason::Dark),
+        ambiguous: share(MaskReason::Ambiguous),
+        several: share(MaskReason::Several),
+        uncertain: share(MaskReason::Uncertain),
+        unexplained: share(MaskReason::Unexplained),
     }
 }

@@ -29,14 +29,14 @@ pub struct Survey {
 
 /// Intermediate result over pixels with first orders on the panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Decided {
+pub struct DecisionCounts {
     /// Sampled pixels explained by one or several gratings.
     pub carrying: usize,
     /// Those of them that are ambiguous, or whose period is less accurate than required.
     pub undecided: usize,
 }
 
-impl Decided {
+impl DecisionCounts {
     /// Fraction of undecided pixels; `None` if no pixel has a grating.
     pub fn share(&self) -> Option<f64> {
         (self.carrying > 0).then(|| self.undecided as f64 / self.carrying as f64)
@@ -89,7 +89,7 @@ impl Survey {
     ///
     /// # Errors
     /// `Input` if these frames are no complete scan.
-    pub fn decided(&mut self, frames: usize, period_sigma: f64) -> Result<Decided> {
+    pub fn decided(&mut self, frames: usize, period_sigma: f64) -> Result<DecisionCounts> {
         let mut first = self.frames.clone();
         first.set.frames.truncate(frames);
         let shown = carriers(&first, MAX_CARRIERS)?;
@@ -105,7 +105,7 @@ impl Survey {
         };
         let optics = Optics { aperture_mm, ..self.bench.optics.clone() };
         let found = scan(&signals, &optics, &points, demands, &Silent)?;
-        let mut decided = Decided { carrying: 0, undecided: 0 };
+        let mut decided = DecisionCounts { carrying: 0, undecided: 0 };
         for (verdict, grating) in found.verdicts.iter().zip(&found.gratings) {
             let is_sure = grating.is_some_and(|g| g.period_sigma_um <= period_sigma * g.period_um);
             match verdict {

@@ -1,9 +1,9 @@
 //! Bench control of a run: sets each state, captures fresh frames, and passes them to storage.
 
-use super::hands::Hands;
+use super::bench_controller::BenchController;
+use super::frame_writer::{Message, Shot};
 use super::series::Decision;
 use super::state::{Control, Input, State};
-use super::store::{Message, Shot};
 use super::watch::Watch;
 use crate::failure::Failure;
 use crate::plan::{Added, Plan, Step, groups};
@@ -20,15 +20,15 @@ const ATTEMPTS: u32 = 3;
 
 /// Tolerance for an unmoved analyser: stages repeat an angle to a few hundredths of a degree, and 0.1° changes the
 /// transmitted light by less than 0.4 % of its mean.
-const UNMOVED_DEG: f64 = 0.1;
+const FIXED_TOLERANCE_DEG: f64 = 0.1;
 
 /// Decisions about the continuation of a series.
 pub type Decisions = UnboundedReceiver<nacre_base::Result<Decision>>;
 
 /// State of a run through a plan.
-pub struct Taker<'a> {
+pub struct Sequencer<'a> {
     /// Device commands.
-    pub hands: Hands<'a>,
+    pub controller: BenchController<'a>,
     /// Interlocks.
     pub watch: &'a Watch,
     /// Control of the run.
@@ -61,7 +61,7 @@ pub async fn guarded<T>(
     }
 }
 
-impl Taker<'_> {
+impl Sequencer<'_> {
     /// Captures all groups with missing frames. The light is switched off afterwards in any case.
     ///
     /// For an adaptive series, `further` then supplies the additions so far and the channel of decisions.
@@ -69,29 +69,29 @@ impl Taker<'_> {
     /// # Errors
     /// Those of devices and interlocks, with the step; `Cancelled` if the run was stopped. `Cancelled` also if frames
     /// can no longer be stored; the storage thread reports the cause.
-    pub async fn take_all(
+    pub async fn capture_all(
         &mut self,
         steps: &[Step],
         missing: &[bool],
         further: Option<(Vec<Added>, &mut Decisions)>,
     ) -> Result<(), Failure> {
-        let mut result = self.take_known(steps, missing).await;
+        let mut result = self.capture_planned(steps, missing).await;
         if let Some((chosen, decisions)) = further.filter(|_| result.is_ok()) {
-            result = self.take_further(chosen, decisions).await;
+            result = self.capture_additions(chosen, decisions).await;
         }
-        let dark = self.hands.dark().await;
+        let dark = self.controller.dark().await;
         if dark.is_ok() {
             self.control.set_dark();
         }
         result.and(dark.map_err(Failure::from))
     }
 
-    async fn take_known(&mut self, steps: &[Step], missing: &[bool]) -> Result<(), Failure> {
+    async fn capture_planned(&mut self, steps: &[Step], missing: &[bool]) -> Result<(), Failure> {
         let mut first = 0;
         for group in groups(steps) {
             if missing[first] {
-                self.go_on().await?;
-                self.patiently(group, first).await?;
+                self.wait_while_paused().await?;
+                self.with_retries(group, first).await?;
             }
             first += group.len();
         }
@@ -99,7 +99,7 @@ impl Taker<'_> {
     }
 
     /// Captures the decided additions until the series ends.
-    async fn take_further(&mut self, mut chosen: Vec<Added>, decisions: &mut Decisions) -> Result<(), Failure> {
+    async fn capture_additions(&mut self, mut chosen: Vec<Added>, decisions: &mut Decisions) -> Result<(), Failure> {
         loop {
             let decision = async {
                 let gone = || Error::input("choosing what comes next", "ended unexpectedly", "resume the session");
@@ -117,8 +117,8 @@ impl Taker<'_> {
                     chosen.push(added);
                     let steps = self.plan.steps_with(&chosen);
                     for i in known..steps.len() {
-                        self.go_on().await?;
-                        self.patiently(&steps[i..=i], i).await?;
+                        self.wait_while_paused().await?;
+                        self.with_retries(&steps[i..=i], i).await?;
                     }
                 }
                 Decision::End(end) => return self.note(Entry::Ended(end)).await,
@@ -127,14 +127,14 @@ impl Taker<'_> {
     }
 
     /// Waits while the run is paused; `Cancelled` if it must stop.
-    async fn go_on(&mut self) -> Result<(), Failure> {
+    async fn wait_while_paused(&mut self) -> Result<(), Failure> {
         loop {
             match self.control.state() {
                 State::Running => return Ok(()),
                 State::Pausing => {
                     let begun = Instant::now();
-                    self.hands.dark().await?;
-                    self.hands.stopwatch.pause();
+                    self.controller.dark().await?;
+                    self.controller.stopwatch.pause();
                     self.prepared = false;
                     // A paused session has stored all captured frames.
                     self.flush().await;
@@ -148,7 +148,7 @@ impl Taker<'_> {
                     self.paused += begun.elapsed();
                 }
                 State::Resuming => {
-                    guarded(self.watch, self.control, prepare(&mut self.hands, self.plan)).await?;
+                    guarded(self.watch, self.control, prepare(&mut self.controller, self.plan)).await?;
                     self.prepared = true;
                     let _ = self.control.send(Input::Settled);
                 }
@@ -158,14 +158,14 @@ impl Taker<'_> {
     }
 
     /// Captures one group, with retries after transient errors.
-    async fn patiently(&mut self, group: &[Step], first: usize) -> Result<(), Failure> {
+    async fn with_retries(&mut self, group: &[Step], first: usize) -> Result<(), Failure> {
         let mut first_failure = None;
         for attempt in 1.. {
             let work = async {
                 if !self.prepared {
-                    prepare(&mut self.hands, self.plan).await?;
+                    prepare(&mut self.controller, self.plan).await?;
                 }
-                take(&mut self.hands, self.watch, self.plan, self.exposure, &self.out, group, first).await
+                capture_group(&mut self.controller, self.watch, self.plan, self.exposure, &self.out, group, first).await
             };
             let result = guarded(self.watch, self.control, work).await;
             self.prepared = true;
@@ -181,7 +181,7 @@ impl Taker<'_> {
             }
             self.prepared = false;
             // The preparation of the next attempt switches the light off too, and reports failures.
-            let _ = self.hands.dark().await;
+            let _ = self.controller.dark().await;
             self.note(Entry::Retried { reason: format!("{step}: {failure}") }).await?;
             first_failure.get_or_insert(failure);
         }
@@ -201,37 +201,37 @@ impl Taker<'_> {
 }
 
 /// Brings the devices into a known state: at the start, after a pause, and after a failure.
-pub(super) async fn prepare(hands: &mut Hands<'_>, plan: &Plan) -> Result<(), Failure> {
-    hands.prepare(plan.turns()).await?;
+pub(super) async fn prepare(controller: &mut BenchController<'_>, plan: &Plan) -> Result<(), Failure> {
+    controller.prepare(plan.turns()).await?;
     if !plan.turns() {
-        compare_analyser(hands).await?;
+        compare_analyser(controller).await?;
     }
     Ok(())
 }
 
 /// Records the angle of an analyser that the plan does not rotate, or compares it with the angle at earlier frames. A
 /// person is asked to rotate it back; a stage is not moved, because such a plan must not move it.
-async fn compare_analyser(hands: &mut Hands<'_>) -> DeviceResult<()> {
-    let Some(stood) = hands.stood else {
+async fn compare_analyser(controller: &mut BenchController<'_>) -> DeviceResult<()> {
+    let Some(fixed_analyser_deg) = controller.fixed_analyser_deg else {
         // A plan that does not need the stage must not fail if the stage cannot report its angle.
-        hands.stood = hands.position().await.ok().filter(|at| at.is_finite());
+        controller.fixed_analyser_deg = controller.position().await.ok().filter(|at| at.is_finite());
         return Ok(());
     };
-    let stage = hands.limits().stage.clone();
-    let tolerance = stage.tolerance_deg.min(UNMOVED_DEG);
-    let stands = match hands.position().await {
-        Ok(at) if (at - stood).abs() <= tolerance => return Ok(()),
-        _ if stage.by_hand => return hands.turn(stood).await,
+    let stage = controller.limits().stage.clone();
+    let tolerance = stage.tolerance_deg.min(FIXED_TOLERANCE_DEG);
+    let analyser_deg = match controller.position().await {
+        Ok(at) if (at - fixed_analyser_deg).abs() <= tolerance => return Ok(()),
+        _ if stage.by_hand => return controller.turn(fixed_analyser_deg).await,
         other => other?,
     };
-    let expected = format!("{stood:.3}° within {tolerance}°, as in the frames so far");
-    Err(DeviceError::new(&stage.id, "stand where the analyser stood", expected, format!("{stands:.3}°"))
-        .remedy(format!("turn the analyser back to {stood:.3}°, then resume the session")))
+    let expected = format!("{fixed_analyser_deg:.3}° within {tolerance}°, as in the frames so far");
+    Err(DeviceError::new(&stage.id, "stand where the analyser stood", expected, format!("{analyser_deg:.3}°"))
+        .remedy(format!("turn the analyser back to {fixed_analyser_deg:.3}°, then resume the session")))
 }
 
 /// Sets the state of the group and captures its frames in sequence.
-async fn take(
-    hands: &mut Hands<'_>,
+async fn capture_group(
+    controller: &mut BenchController<'_>,
     watch: &Watch,
     plan: &Plan,
     exposure: Duration,
@@ -240,18 +240,18 @@ async fn take(
     first: usize,
 ) -> Result<(), Failure> {
     let state = &group[0].state;
-    hands.expose(state.exposure(exposure), plan.camera.gain).await?;
-    hands.cover(state.covered).await?;
-    hands.show(state.pattern).await?;
+    controller.expose(state.exposure(exposure), plan.camera.gain).await?;
+    controller.cover(state.covered).await?;
+    controller.show(state.pattern).await?;
     if let Some(angle) = state.analyser_deg {
-        hands.turn(angle).await?;
+        controller.turn(angle).await?;
     }
     if state.flash {
-        hands.switch(true).await?;
+        controller.switch(true).await?;
     }
     let mut waiting = vec![];
     for (i, step) in group.iter().enumerate() {
-        let shot = shoot(hands, plan, step, first + i).await?;
+        let shot = capture_frame(controller, plan, step, first + i).await?;
         watch.check().await?;
         waiting.push(shot);
         // With the flash on, capture does not wait for a slow disk.
@@ -259,9 +259,9 @@ async fn take(
             send(out, &mut waiting).await?;
         }
     }
-    hands.still_lit(state.flash).await?;
+    controller.still_lit(state.flash).await?;
     if state.flash {
-        hands.switch(false).await?;
+        controller.switch(false).await?;
         send(out, &mut waiting).await?;
     }
     Ok(())
@@ -275,18 +275,23 @@ async fn send(out: &Sender<Message>, shots: &mut Vec<Shot>) -> Result<(), Failur
 }
 
 /// Captures a step's frame (several if the plan averages), with evidence of freshness.
-async fn shoot(hands: &mut Hands<'_>, plan: &Plan, step: &Step, index: usize) -> Result<Shot, Failure> {
-    let (mut frame, dropped) = hands.fresh().await?;
+async fn capture_frame(
+    controller: &mut BenchController<'_>,
+    plan: &Plan,
+    step: &Step,
+    index: usize,
+) -> Result<Shot, Failure> {
+    let (mut frame, dropped) = controller.fresh().await?;
     let mut sum = Averaging::new(frame.width, &frame.codes);
     for _ in 1..plan.camera.average {
-        frame = hands.next_frame(hands.freshness()).await?;
+        frame = controller.next_frame(controller.freshness()).await?;
         sum.add(&frame.codes);
     }
     let analyser_deg = match step.state.analyser_deg {
-        Some(_) => Some(hands.position().await?),
-        None => hands.stood,
+        Some(_) => Some(controller.position().await?),
+        None => controller.fixed_analyser_deg,
     };
-    let (freshness, controls) = (hands.freshness(), hands.controls());
+    let (freshness, controls) = (controller.freshness(), controller.controls());
     let evidence = Commit {
         file: step.file.clone(),
         sequence: frame.stamp.sequence,

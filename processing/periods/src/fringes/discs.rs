@@ -18,13 +18,13 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Minimum number of discs, since two parameters are fitted per pixel.
-const FEWEST: usize = 4;
+const MIN_DISCS: usize = 4;
 /// Relative model error of the light, and of an order that lands on a disc's edge and is half covered.
 const MODEL_ERROR: f64 = 0.01;
 const EDGE_ERROR: f64 = 0.1;
 /// Reduced χ² below which discs confirm a grating, and above which they contradict it.
-const AGREES: f64 = 3.0;
-const CONTRADICTS: f64 = 4.0;
+const MAX_CONFIRMING_CHI2: f64 = 3.0;
+const MIN_CONTRADICTING_CHI2: f64 = 4.0;
 /// Minimum χ² difference between two gratings for a decision: five standard deviations.
 const MARGIN: f64 = 25.0;
 /// Scale factor at which the logistic function approximates the Gaussian integral to 1 %.
@@ -32,7 +32,7 @@ const LOGISTIC: f64 = 1.702;
 
 /// Effect of the discs.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
-pub struct Told {
+pub struct DiscVerification {
     /// Number of photographs of discs.
     pub discs: usize,
     /// Number of ambiguous pixels that they decided.
@@ -66,14 +66,14 @@ impl Sums {
     }
 
     /// χ² of the residuals, and reduced χ².
-    fn left(&self) -> [f64; 2] {
+    fn chi2(&self) -> [f64; 2] {
         let [a, b, c] = self.normal;
         let right = Vector2::from(self.right);
         // If all discs look alike, only one parameter is determined.
         let normal = Matrix2::new(a * (1.0 + 1e-9), b, b, c * (1.0 + 1e-9) + 1e-30);
         let explained = normal.try_inverse().map_or(0.0, |inverse| right.dot(&(inverse * right)));
-        let left = (self.square - explained).max(0.0);
-        [left, left / (self.count - 2.0).max(1.0)]
+        let chi2 = (self.square - explained).max(0.0);
+        [chi2, chi2 / (self.count - 2.0).max(1.0)]
     }
 }
 
@@ -91,15 +91,15 @@ pub fn discs(frames: &LoadedFrames) -> Vec<(usize, Spot)> {
 ///
 /// # Errors
 /// `Input` for unreadable frames; `Cancelled`.
-pub fn told(
+pub fn verify(
     frames: &LoadedFrames,
     optics: &Optics,
     points: Points<'_>,
     found: &mut Found,
     progress: &dyn Progress,
-) -> Result<Option<Told>> {
+) -> Result<Option<DiscVerification>> {
     let discs = discs(frames);
-    if discs.len() < FEWEST {
+    if discs.len() < MIN_DISCS {
         return Ok(None);
     }
     let width = frames.info.width;
@@ -132,7 +132,7 @@ pub fn told(
         });
         progress.step();
     }
-    Ok(Some(judge(found, &sums, discs.len())))
+    Ok(Some(decide(found, &sums, discs.len())))
 }
 
 /// The grating of a pixel, or its two ambiguous gratings.
@@ -144,33 +144,33 @@ fn hypotheses(found: &Found, i: usize) -> [Option<Grating>; 2] {
     }
 }
 
-fn judge(found: &mut Found, sums: &[[Sums; 2]], discs: usize) -> Told {
-    let mut told = Told { discs, decided: 0, contradicted: 0, residual: None };
+fn decide(found: &mut Found, sums: &[[Sums; 2]], discs: usize) -> DiscVerification {
+    let mut verification = DiscVerification { discs, decided: 0, contradicted: 0, residual: None };
     let mut residuals = vec![];
     for (i, sums) in sums.iter().enumerate() {
-        let left = sums.map(|s| s.left());
-        let enough = sums.map(|s| s.count >= FEWEST as f64);
+        let chi2 = sums.map(|s| s.chi2());
+        let enough = sums.map(|s| s.count >= MIN_DISCS as f64);
         match (found.verdicts[i], found.rivals[i]) {
             (Verdict::Resolved, _) if enough[0] => {
-                residuals.push(left[0][1]);
-                if left[0][1] > CONTRADICTS {
+                residuals.push(chi2[0][1]);
+                if chi2[0][1] > MIN_CONTRADICTING_CHI2 {
                     found.verdicts[i] = Verdict::Unexplained;
-                    told.contradicted += 1;
+                    verification.contradicted += 1;
                 }
             }
             (Verdict::Ambiguous, Some(pair)) if enough == [true; 2] => {
-                let best = usize::from(left[1][0] < left[0][0]);
-                if left[best][1] <= AGREES && left[1 - best][0] - left[best][0] > MARGIN {
+                let best = usize::from(chi2[1][0] < chi2[0][0]);
+                if chi2[best][1] <= MAX_CONFIRMING_CHI2 && chi2[1 - best][0] - chi2[best][0] > MARGIN {
                     found.gratings[i] = Some(pair[best]);
                     found.verdicts[i] = Verdict::Resolved;
-                    told.decided += 1;
+                    verification.decided += 1;
                 }
             }
             _ => {}
         }
     }
-    told.residual = median(residuals);
-    told
+    verification.residual = median(residuals);
+    verification
 }
 
 /// Predicted light of a disc by a grating at a pixel, relative to white, and its variance. The model error is largest
@@ -244,14 +244,20 @@ mod tests {
                 sums.add(light - expected, ground, unsure + 1e-5);
             }
         }
-        assert!(right.left()[1] < 1e-6 && wrong.left()[1] > CONTRADICTS, "{:?} {:?}", right.left(), wrong.left());
+        assert!(
+            right.chi2()[1] < 1e-6 && wrong.chi2()[1] > MIN_CONTRADICTING_CHI2,
+            "{:?} {:?}",
+            right.chi2(),
+            wrong.chi2()
+        );
         let mut found = Found {
             verdicts: vec![Verdict::Ambiguous, Verdict::Resolved, Verdict::Resolved],
             gratings: vec![None, Some(truth), Some(grating(110.0, 2.4))],
             rivals: vec![Some([grating(110.0, 2.4), truth]), None, None],
         };
-        let told = judge(&mut found, &[[wrong, right], [right, Sums::default()], [wrong, Sums::default()]], 24);
-        assert_eq!((told.decided, told.contradicted), (1, 1));
+        let verification =
+            decide(&mut found, &[[wrong, right], [right, Sums::default()], [wrong, Sums::default()]], 24);
+        assert_eq!((verification.decided, verification.contradicted), (1, 1));
         assert_eq!(found.verdicts, [Verdict::Resolved, Verdict::Resolved, Verdict::Unexplained]);
         assert!((found.gratings[0].unwrap().period_um - 1.9).abs() < 1e-12);
     }

@@ -4,14 +4,14 @@ use std::str::FromStr;
 
 /// Style of charts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Look {
+pub struct ChartFormat {
     /// Draw titles of figure and panels. In print, captions replace them.
     pub titles: bool,
     /// Width of the charts.
     pub width: Width,
 }
 
-impl Default for Look {
+impl Default for ChartFormat {
     fn default() -> Self {
         Self { titles: true, width: Width::Page }
     }

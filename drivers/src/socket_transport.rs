@@ -32,10 +32,10 @@ pub const PREFIX: &str = "unix:";
 pub const MAX_PAYLOAD: usize = 4096;
 
 /// Time limit of a transfer, after which the other end counts as hung.
-const SILENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Answer status: timeout.
-const NOTHING: u8 = 2;
+const STATUS_TIMEOUT: u8 = 2;
 
 /// Kind of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,18 +48,18 @@ pub(crate) enum Transfer {
 }
 
 /// Connection to an emulated device.
-pub(crate) struct Seam {
+pub(crate) struct SocketTransport {
     path: PathBuf,
     stream: Option<UnixStream>,
     tag: u8,
-    silence: Duration,
+    timeout: Duration,
 }
 
-impl Seam {
+impl SocketTransport {
     /// Opens the connection.
     pub fn open(path: &Path) -> io::Result<Self> {
         let stream = Some(connect(path)?);
-        Ok(Self { path: path.into(), stream, tag: 0, silence: SILENCE })
+        Ok(Self { path: path.into(), stream, tag: 0, timeout: TIMEOUT })
     }
 
     /// Executes a transfer; returns the answer's payload.
@@ -69,7 +69,7 @@ impl Seam {
             None => connect(&self.path)?,
         };
         self.tag = self.tag.wrapping_add(1);
-        let answer = exchange(&mut stream, kind, self.tag, payload, self.silence)?;
+        let answer = exchange(&mut stream, kind, self.tag, payload, self.timeout)?;
         self.stream = Some(stream);
         answer.ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "a stalled transfer"))
     }
@@ -77,7 +77,7 @@ impl Seam {
 
 fn connect(path: &Path) -> io::Result<UnixStream> {
     let stream = UnixStream::connect(path)?;
-    stream.set_write_timeout(Some(SILENCE))?;
+    stream.set_write_timeout(Some(TIMEOUT))?;
     Ok(stream)
 }
 
@@ -87,14 +87,14 @@ fn exchange(
     kind: Transfer,
     tag: u8,
     payload: &[u8],
-    silence: Duration,
+    timeout: Duration,
 ) -> io::Result<Option<Vec<u8>>> {
     let length = u16::try_from(payload.len()).ok().filter(|n| usize::from(*n) <= MAX_PAYLOAD);
     let [low, high] = length.ok_or(io::ErrorKind::InvalidInput)?.to_le_bytes();
     let mut frame = vec![kind as u8, tag, low, high];
     frame.extend(payload);
     stream.write_all(&frame)?;
-    let until = Instant::now() + silence;
+    let until = Instant::now() + timeout;
     loop {
         let mut head = [0; 4];
         read(stream, &mut head[..1], until)?;
@@ -102,13 +102,13 @@ fn exchange(
             |e: io::Error| if e.kind() == io::ErrorKind::UnexpectedEof { io::ErrorKind::TimedOut.into() } else { e };
         read(stream, &mut head[1..], until).map_err(half)?;
         let length = usize::from(u16::from_le_bytes([head[2], head[3]]));
-        if length > MAX_PAYLOAD || head[0] > NOTHING {
+        if length > MAX_PAYLOAD || head[0] > STATUS_TIMEOUT {
             return Err(io::Error::new(io::ErrorKind::InvalidData, "bytes that are no frame"));
         }
         let mut answer = vec![0; length];
         read(stream, &mut answer, until).map_err(half)?;
         if head[1] == tag {
-            if head[0] == NOTHING {
+            if head[0] == STATUS_TIMEOUT {
                 return Err(io::ErrorKind::TimedOut.into());
             }
             return Ok((head[0] == 0).then_some(answer));
@@ -158,11 +158,11 @@ mod tests {
         let folder = tempfile::tempdir()?;
         let path = folder.path().join("socket");
         let listener = UnixListener::bind(&path)?;
-        let mut seam = Seam::open(&path)?;
+        let mut transport = SocketTransport::open(&path)?;
         let (mut other, _) = listener.accept()?;
         other.write_all(bytes)?;
         other.shutdown(std::net::Shutdown::Write)?;
-        seam.transfer(Transfer::Feature, &[1, 8, 0])
+        transport.transfer(Transfer::Feature, &[1, 8, 0])
     }
 
     #[test]
@@ -178,14 +178,15 @@ mod tests {
     }
 
     #[test]
-    fn silence_ends() {
+    fn a_silent_device_times_out() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("socket");
         let _listener = UnixListener::bind(&path).unwrap();
-        let mut seam = Seam { silence: Duration::from_millis(10), ..Seam::open(&path).unwrap() };
-        assert_eq!(seam.transfer(Transfer::Output, &[0]).unwrap_err().kind(), io::ErrorKind::TimedOut);
+        let mut transport =
+            SocketTransport { timeout: Duration::from_millis(10), ..SocketTransport::open(&path).unwrap() };
+        assert_eq!(transport.transfer(Transfer::Output, &[0]).unwrap_err().kind(), io::ErrorKind::TimedOut);
         let long = vec![0; MAX_PAYLOAD + 1];
-        assert!(seam.transfer(Transfer::Output, &long).is_err(), "too long");
+        assert!(transport.transfer(Transfer::Output, &long).is_err(), "too long");
     }
 
     proptest! {

@@ -7,40 +7,40 @@
 use super::deconvolution::Noise;
 
 /// Number of brightness classes.
-const PARTS: usize = 16;
+const CLASSES: usize = 16;
 
 /// Minimum number of differences per class.
-const ENOUGH: usize = 64;
+const MIN_PER_CLASS: usize = 64;
 
 /// Fourth difference; its squares sum to 70 along each axis.
-const TAPS: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
-const POWER: f64 = 70.0;
+const FOURTH_DIFFERENCE: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
+const SQUARED_TAPS: f64 = 70.0;
 
 /// Median absolute value of a standard normal deviate.
 const MEDIAN: f64 = 0.674_49;
 
 /// Maximum number of sampled positions.
-const LOOKED_AT: usize = 1 << 17;
+const MAX_SAMPLES: usize = 1 << 17;
 
 /// Estimates the noise; `None` with too few known pixels. `step` is the quantisation step: rounding causes noise even
 /// where the median is zero.
-pub(super) fn noise(light: &[f32], width: usize, height: usize, step: f64) -> Option<Noise> {
-    let mut places = differences(light, width, height);
-    let parts = (places.len() / ENOUGH).min(PARTS);
-    if parts == 0 {
+pub(super) fn estimate_noise(light: &[f32], width: usize, height: usize, step: f64) -> Option<Noise> {
+    let mut samples = differences(light, width, height);
+    let classes = (samples.len() / MIN_PER_CLASS).min(CLASSES);
+    if classes == 0 {
         return None;
     }
-    places.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let size = places.len() / parts;
+    samples.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let size = samples.len() / classes;
     let rounding = step * step / 12.0;
-    let part = |k: usize| {
-        let mut own: Vec<f64> = places[k * size..(k + 1) * size].iter().map(|p| p[1].abs()).collect();
+    let class = |k: usize| {
+        let mut own: Vec<f64> = samples[k * size..(k + 1) * size].iter().map(|p| p[1].abs()).collect();
         own.sort_by(f64::total_cmp);
-        let light = places[k * size..(k + 1) * size].iter().map(|p| p[0]).sum::<f64>() / size as f64;
-        [light, ((own[size / 2] / MEDIAN).powi(2) / (POWER * POWER)).max(rounding)]
+        let light = samples[k * size..(k + 1) * size].iter().map(|p| p[0]).sum::<f64>() / size as f64;
+        [light, ((own[size / 2] / MEDIAN).powi(2) / (SQUARED_TAPS * SQUARED_TAPS)).max(rounding)]
     };
-    let parts: Vec<[f64; 2]> = (0..parts).map(part).collect();
-    Some(line(&parts, rounding))
+    let classes: Vec<[f64; 2]> = (0..classes).map(class).collect();
+    Some(fit_line(&classes, rounding))
 }
 
 /// Mean light and fourth difference at evenly spaced positions.
@@ -49,13 +49,13 @@ fn differences(light: &[f32], width: usize, height: usize) -> Vec<[f64; 2]> {
         return vec![];
     }
     let all = (width - 4) * (height - 4);
-    let every = (all / LOOKED_AT).max(1);
+    let every = (all / MAX_SAMPLES).max(1);
     let one = |i: usize| {
         let (x, y) = (i % (width - 4), i / (width - 4));
         let (mut sum, mut difference) = (0.0, 0.0);
-        for (dy, a) in TAPS.iter().enumerate() {
+        for (dy, a) in FOURTH_DIFFERENCE.iter().enumerate() {
             let row = &light[(y + dy) * width + x..][..5];
-            for (v, b) in row.iter().zip(TAPS) {
+            for (v, b) in row.iter().zip(FOURTH_DIFFERENCE) {
                 sum += f64::from(*v);
                 difference += a * b * f64::from(*v);
             }
@@ -67,10 +67,10 @@ fn differences(light: &[f32], width: usize, height: usize) -> Vec<[f64; 2]> {
 
 /// Fits variance against light by a straight line with non-negative slope and values of at least `least`. Relative
 /// errors of all classes have equal weight.
-fn line(parts: &[[f64; 2]], least: f64) -> Noise {
+fn fit_line(classes: &[[f64; 2]], least: f64) -> Noise {
     let floor = least.max(1e-14);
     let [mut s, mut sx, mut sy, mut sxx, mut sxy] = [0.0; 5];
-    for [x, y] in parts {
+    for [x, y] in classes {
         let w = 1.0 / y.max(floor).powi(2);
         [s, sx, sy, sxx, sxy] = [s + w, sx + w * x, sy + w * y, sxx + w * x * x, sxy + w * x * y];
     }
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn shot_and_read_noise_are_told_apart_under_lines() {
+    fn shot_and_read_noise_are_separated_under_lines() {
         for (shot, floor) in [(1.0 / 3000.0, 1e-5), (1.0 / 40_000.0, 1e-7), (0.0, 1e-4)] {
             let value = |i: usize| {
                 let (x, y) = ((i % 400) as f64, (i / 400) as f64);
@@ -108,14 +108,14 @@ mod tests {
                 (light + (shot * light + floor).sqrt() * normal(i)) as f32
             };
             let light: Vec<f32> = (0..400 * 300).map(value).collect();
-            let found = noise(&light, 400, 300, 0.0).unwrap();
+            let found = estimate_noise(&light, 400, 300, 0.0).unwrap();
             for light in [0.2, 0.5, 0.8] {
                 let ratio = (found.shot * light + found.floor) / (shot * light + floor);
                 assert!((ratio - 1.0).abs() < 0.1, "{shot} {floor} {light}: {ratio} {found:?}");
             }
         }
-        assert!(noise(&[f32::NAN; 100], 10, 10, 0.0).is_none() && noise(&[1.0], 1, 1, 0.0).is_none());
-        let even = noise(&[0.5; 10_000], 100, 100, 0.01).unwrap();
+        assert!(estimate_noise(&[f32::NAN; 100], 10, 10, 0.0).is_none() && estimate_noise(&[1.0], 1, 1, 0.0).is_none());
+        let even = estimate_noise(&[0.5; 10_000], 100, 100, 0.01).unwrap();
         assert!((even.floor / (1e-4 / 12.0) - 1.0).abs() < 1e-9 && even.shot == 0.0);
     }
 }

@@ -44,7 +44,7 @@ pub struct Arrival {
 }
 
 /// State of the storage thread.
-pub struct Store<'a, D: Disk> {
+pub struct FrameWriter<'a, D: Disk> {
     /// Session that receives the frames.
     pub session: Session<D>,
     /// Description of the session.
@@ -61,7 +61,7 @@ pub struct Store<'a, D: Disk> {
     pub arrivals: std::sync::mpsc::Sender<Arrival>,
 }
 
-impl<D: Disk> Store<'_, D> {
+impl<D: Disk> FrameWriter<'_, D> {
     /// Stores messages until the channel closes.
     ///
     /// # Errors
@@ -87,7 +87,7 @@ impl<D: Disk> Store<'_, D> {
     }
 
     fn note(&mut self, entry: Entry) -> Result<(), Failure> {
-        self.session.record(entry).map_err(|e| self.refused(Journal::NAME, e))?;
+        self.session.record(entry).map_err(|e| self.output_error(Journal::NAME, e))?;
         let Some((time, entry)) = self.session.journal().timed().next_back() else { return Ok(()) };
         self.observer.noted(entry, time);
         if let Entry::Chosen { added, .. } = entry {
@@ -121,8 +121,8 @@ impl<D: Disk> Store<'_, D> {
         let part = plan.camera.roi.map(|roi| roi.map(|v| v as usize));
         let (width, height, codes) = shot.sum.means(part, stored_factor(&self.camera, plan.camera.average));
         let file = shot.evidence.file.clone();
-        let png = encode_png16_gray(width, height, &codes).map_err(|e| self.refused(&file, e))?;
-        self.session.store(&file, &png, shot.evidence.clone()).map_err(|e| self.refused(&file, e))?;
+        let png = encode_png16_gray(width, height, &codes).map_err(|e| self.output_error(&file, e))?;
+        self.session.store(&file, &png, shot.evidence.clone()).map_err(|e| self.output_error(&file, e))?;
         self.announce(shot.index, &shot.evidence);
         if let Some((time, Entry::Committed(commit))) = self.session.journal().timed().next_back() {
             self.observer.stored(&self.steps[shot.index], commit, time);
@@ -136,10 +136,12 @@ impl<D: Disk> Store<'_, D> {
         let series = self.steps.iter().filter(|s| s.role == Role::Series);
         let described = |s: &Step| described(&self.description.plan, &self.steps, s, controls(&s.file));
         let set = frame_set(self.description, &self.camera, series.map(described).collect());
-        self.session.finish(&nacre_frames::save(&set), timing).map_err(|e| self.refused(nacre_frames::FILE_NAME, e))
+        self.session
+            .finish(&nacre_frames::save(&set), timing)
+            .map_err(|e| self.output_error(nacre_frames::FILE_NAME, e))
     }
 
-    fn refused(&self, file: &str, error: std::io::Error) -> Failure {
+    fn output_error(&self, file: &str, error: std::io::Error) -> Failure {
         Error::output(&self.session.folder().join(file), error).into()
     }
 }
@@ -198,18 +200,18 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<nac
         dark: plan.subtracted(&plan.steps(), None).filter(|_| has_one_exposure(plan)).map(PathBuf::from),
         wavelength_nm: setup.wavelength_nm,
         band_nm: setup.band_nm,
-        geometry: setup.geometry.map(|geometry| over(geometry, plan, camera)),
+        geometry: setup.geometry.map(|geometry| relative_to_roi(geometry, plan, camera)),
         panel_mm: setup.panel_mm,
         ..FrameSet::new(session::frames_kind(plan.kind), frames)
     }
 }
 
 /// The distances, with the camera position relative to the region of interest.
-fn over(geometry: Distances, plan: &Plan, camera: &CameraInfo) -> Distances {
+fn relative_to_roi(geometry: Distances, plan: &Plan, camera: &CameraInfo) -> Distances {
     let (Some([left, top, ..]), Some(pixel_um)) = (plan.camera.roi, geometry.pixel_um) else { return geometry };
     let middle = [camera.width, camera.height].map(|side| 0.5 * side as f64);
-    let below = middle[0] - 500.0 * geometry.baseline_mm / pixel_um;
-    Distances { camera_px: Some([below - f64::from(left), middle[1] - f64::from(top)]), ..geometry }
+    let nadir_x = middle[0] - 500.0 * geometry.baseline_mm / pixel_um;
+    Distances { camera_px: Some([nadir_x - f64::from(left), middle[1] - f64::from(top)]), ..geometry }
 }
 
 impl Commit {
