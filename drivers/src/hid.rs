@@ -1,4 +1,5 @@
-//! HID devices at the report level: on a device node, or on the socket of an emulated device (see [`crate::transport`]).
+//! HID devices at the report level: on a device node, or on the socket of an emulated device (see
+//! [`crate::socket_transport`]).
 
 use crate::discovery::{Access, HidNode, Root, check, hid_nodes};
 use crate::socket_transport::{self, SocketTransport, Transfer};
@@ -180,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_says_what_to_do() {
+    fn missing_devices_have_a_remedy() {
         for path in ["/dev/hidraw-none", "unix:/no/such/socket", "/dev/null", "/dev/nu\0ll", ""] {
             let error = open("relay", path).err().unwrap();
             assert_eq!(error.class, Class::Setup, "{error}");

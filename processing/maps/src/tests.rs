@@ -165,7 +165,7 @@ fn copies_lie_as_the_layout_says() {
 }
 
 #[test]
-fn resampling_keeps_what_the_map_says() {
+fn resampling_preserves_orientations() {
     let all = maps(60, 60);
     let coarse = edit(&all, &Options { resample: Some(0.5), ..Options::default() }).unwrap();
     assert_eq!([coarse.width, coarse.height], [30, 30]);

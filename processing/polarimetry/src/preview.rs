@@ -16,7 +16,7 @@ use std::path::Path;
 const MAX_REPORT: u64 = 1 << 24;
 
 /// Remedy if a report does not belong to the photographs.
-const AGAIN: &str = "reconstruct again";
+const REMEDY: &str = "reconstruct again";
 
 /// Preview maps on a coarser grid.
 pub struct Preview {
@@ -38,10 +38,10 @@ impl Running {
     /// Preview maps from every n-th pixel, with at most `width` columns; the reconstruction is unaffected. `None` while
     /// the angles do not determine an orientation.
     pub fn preview(&self, width: usize) -> Option<Preview> {
-        let step = self.sums.width().div_ceil(width.max(1)).max(1);
-        let views = &self.views[..self.sums.views()];
+        let step = self.accumulator.width().div_ceil(width.max(1)).max(1);
+        let views = &self.views[..self.accumulator.views()];
         let design = Design::new(&views.iter().map(|v| v.angle).collect::<Vec<_>>()).ok()?;
-        let mut maps = self.sums.thinned(step).solve(&design);
+        let mut maps = self.accumulator.thinned(step).solve(&design);
         let (noise, _) = self.noise(&mut maps, &design);
         let map = orient(&mut maps, &design, &noise, 0.0);
         let dolp = (0..maps.s0.len()).map(|i| maps.s1[i].hypot(maps.s2[i]) / maps.s0[i]).collect();
@@ -84,8 +84,8 @@ impl AppliedCorrections {
             shifts_px: Vec<[f64; 2]>,
         }
         let path = results.join("report.json");
-        let text = read_text(&path, MAX_REPORT, AGAIN)?;
-        let report: ReportFields = from_json(&text).map_err(|problem| Error::file(&path, problem, AGAIN))?;
+        let text = read_text(&path, MAX_REPORT, REMEDY)?;
+        let report: ReportFields = from_json(&text).map_err(|problem| Error::file(&path, problem, REMEDY))?;
         Ok(Self {
             angle_errors_deg: report.analyser_errors_deg.unwrap_or_default(),
             demosaic: report.sensor.map(|s| s.demosaic).unwrap_or_default(),
@@ -148,7 +148,7 @@ pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], applied: &AppliedCorrect
     }
     if !applied.fits(views.len(), size) {
         let problem = format!("holds {} analyser positions, other ones than its results are of", views.len());
-        return Err(Error::file(&frames.path, problem, AGAIN));
+        return Err(Error::file(&frames.path, problem, REMEDY));
     }
     views.iter_mut().zip(&applied.angle_errors_deg).for_each(|(view, error)| view.angle += error.to_radians());
     let linearizer = Linearizer::new(frames)?;

@@ -95,8 +95,8 @@ fn ending(so_far: &SigmaSoFar, certain: bool) -> Option<Ending> {
     if so_far.angles >= so_far.at_most as usize {
         return Some(Ending::AtMost);
     }
-    let hopeless = so_far.least_deg.is_none_or(|least| least > UNREACHABLE_FACTOR * wanted);
-    (certain && hopeless).then_some(Ending::Cannot)
+    let unreachable = so_far.least_deg.is_none_or(|least| least > UNREACHABLE_FACTOR * wanted);
+    (certain && unreachable).then_some(Ending::Cannot)
 }
 
 /// Best whole-degree angle within range of the stage, other than its present one, so that a repetition is approached

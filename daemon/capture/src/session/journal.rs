@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn what_could_not_be_read_again_is_not_written() {
+    fn unreadable_entries_are_not_written() {
         let mut journal = Journal::default();
         let commit = Commit { analyser_deg: Some(f64::NAN), ..Commit::default() };
         assert!(journal.line(Entry::Committed(commit)).is_err());

@@ -1,4 +1,4 @@
-//! Bulk transfers, over libusb or over the socket of an emulated device (see [`transport`](crate::transport)).
+//! Bulk transfers, over libusb or over the socket of an emulated device (see [`crate::socket_transport`]).
 
 use super::{DEVICE, NAME, PRODUCT, VENDOR};
 use crate::discovery::{Access, Root, Usb, check, usb_devices};

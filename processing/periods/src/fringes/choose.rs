@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_reach_is_not_predicted() {
+    fn unreachable_periods_are_not_predicted() {
         let noise = NoiseModel { full_scale_e: 40_000.0, read_noise_e: 8.0 };
         let setting = Setting { count: 12, phases: 4, finest_mm: 28.0 };
         assert!(predict(&optics(), &noise, setting, 0.5).is_none());

@@ -118,14 +118,15 @@ impl Summary for Report {
             "light     {} patterns, {} different fringes, {} nm",
             self.patterns, self.fringes, self.wavelength_nm
         );
-        let said = |value: Option<f64>, factor: f64| value.map_or("unknown".into(), |v| format!("{:.3}", factor * v));
+        let formatted =
+            |value: Option<f64>, factor: f64| value.map_or("unknown".into(), |v| format!("{:.3}", factor * v));
         let _ = writeln!(
             text,
             "quality   median σ {}° of orientation, {} % of period, and {:.2} % that all periods share; residual {}",
-            said(self.orientation_sigma_deg, 1.0),
-            said(self.period_sigma, 100.0),
+            formatted(self.orientation_sigma_deg, 1.0),
+            formatted(self.period_sigma, 100.0),
             100.0 * self.period_scale_sigma,
-            said(self.residual, 1.0)
+            formatted(self.residual, 1.0)
         );
         if let Some([x, y]) = self.mirror_offset_deg {
             let _ = writeln!(
@@ -136,10 +137,10 @@ impl Summary for Report {
         }
         let _ = writeln!(text, "panel     exponent {:.3} of the assumed one", self.response.power);
         if let Some(d) = &self.discs {
-            let said = d.residual.map_or("unknown".into(), |r| format!("{r:.2}"));
+            let formatted = d.residual.map_or("unknown".into(), |r| format!("{r:.2}"));
             let _ = writeln!(
                 text,
-                "discs     {} photographs, {} pixels decided, {} contradicted; residual {said}",
+                "discs     {} photographs, {} pixels decided, {} contradicted; residual {formatted}",
                 d.discs, d.decided, d.contradicted
             );
         }

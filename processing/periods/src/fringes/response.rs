@@ -25,23 +25,23 @@ impl Response {
     /// From frames of uniform light: (phase in cycles, mean light). The requested light is (1 + cos 2π phase) / 2 of
     /// white.
     pub fn from_even(frames: &[(f64, f64)]) -> Self {
-        let asked = |phase: f64| 0.5 + 0.5 * (TAU * phase).cos();
-        let Some(white) = frames.iter().filter(|f| asked(f.0) > 0.999).map(|f| f.1).reduce(f64::max) else {
+        let requested = |phase: f64| 0.5 + 0.5 * (TAU * phase).cos();
+        let Some(white) = frames.iter().filter(|f| requested(f.0) > 0.999).map(|f| f.1).reduce(f64::max) else {
             return Self::default();
         };
         let levels: Vec<(f64, f64)> = frames
             .iter()
-            .map(|(phase, light)| (asked(*phase), light / white))
-            .filter(|(asked, light)| (0.02..0.98).contains(asked) && *light > 1e-3 && *light < 1.2)
+            .map(|(phase, light)| (requested(*phase), light / white))
+            .filter(|(requested, light)| (0.02..0.98).contains(requested) && *light > 1e-3 && *light < 1.2)
             .collect();
         if levels.is_empty() {
             return Self::default();
         }
         // Least squares of ln light = power · ln requested; bright levels have more weight.
         let (mut above, mut below) = (0.0, 0.0);
-        for (asked, light) in &levels {
-            above += asked.ln() * light.ln() * light;
-            below += asked.ln().powi(2) * light;
+        for (requested, light) in &levels {
+            above += requested.ln() * light.ln() * light;
+            below += requested.ln().powi(2) * light;
         }
         let power = above / below;
         let misfit = levels.iter().map(|(a, l)| (a.powf(power) - l).abs()).fold(0.0, f64::max);

@@ -120,7 +120,7 @@ fn two_gratings_are_not_one() {
 
 /// A deviating mirror direction is fitted with the grating, because zero and first orders determine it.
 #[test]
-fn tilted_surfaces_are_told_from_periods() {
+fn tilted_surfaces_are_distinguished_from_periods() {
     let bench = Bench::new(12);
     let (orientation, period) = (0.6, 2.0);
     // A displaced sample: all orders are those of a position 0.8 mm to the right.

@@ -38,13 +38,15 @@ const UNMODELLED: f64 = 0.005;
 const DISTORTION_FACTOR: f64 = 3.0;
 
 /// Number of points below which films are only considered if points lie on their curve within the noise. Below
-/// [`NPMLE_MIN_POINTS`] points, they must also be far off every circle. Below the second limit `auto` considers no film.
+/// [`NPMLE_MIN_POINTS`] points, they must also be far off every circle. Below the second limit `auto` considers no
+/// film.
 const CURVE_POINTS: usize = 5000;
 const FEW_CURVE_POINTS: usize = 1000;
 
 /// Limit in −2 ln likelihood, on a sample, beyond which a candidate is excluded from the comparison on all points. In
 /// 60 draws of `choose_tests`, 226 candidates were within 10 of the best on all points. On a sample they were up to 32
-/// behind, as fewer points determine the orientation distribution less well. A limit of 50 would exclude 13 more of all 606.
+/// behind, as fewer points determine the orientation distribution less well. A limit of 50 would exclude 13 more of all
+/// 606.
 const PRUNE_DELTA: f64 = 100.0;
 
 /// Ratio of the error along a curve that is taken for a circle to the scatter across it. It is the median over the 146
@@ -52,7 +54,7 @@ const PRUNE_DELTA: f64 = 100.0;
 const ALONG_TO_ACROSS: f64 = 6.0;
 
 /// Minimum number of points for a circle fit.
-const FEWEST_POINTS: usize = 20;
+const MIN_POINTS: usize = 20;
 
 /// Limits for accepting a centred circle without a comparison with other models: its scatter variance relative to the
 /// noise, and the orientation change in degrees by a fitted centre.
@@ -90,7 +92,7 @@ pub(crate) struct Choice {
 /// Selects a model for points with modulation. `distorted` is the variance of the points' displacement by
 /// analyser-angle errors, relative to their noise. `None` for fewer than 20 points.
 pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, distorted: f64) -> Option<Choice> {
-    if points.len() < FEWEST_POINTS {
+    if points.len() < MIN_POINTS {
         return None;
     }
     let (mut candidates, count) = (candidates(points), points.len());

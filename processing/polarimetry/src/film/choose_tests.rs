@@ -159,7 +159,7 @@ fn few_orientations_leave_other_films_possible() {
 /// bend within the noise 23°, and a search that starts only from samples 35°. Measured errors: 0.65, 1.66 and 9.9°;
 /// five orientations allow no better.
 #[test]
-fn curves_within_their_noise_are_told_apart() {
+fn curves_within_their_noise_are_distinguished() {
     for (seed, most) in [(5005, 1.0), (5021, 2.5), (5030, 12.0)] {
         let (choice, errors) = compared(&drawn(seed), 30_000, seed);
         assert!(errors[choice.chosen] < most, "{seed}\n{}", listed(&choice, &errors));
@@ -225,7 +225,7 @@ fn auto_is_nearly_the_best_of_its_models() {
 /// A given model reports its error correctly, although many other models are more likely and most of these are wrong,
 /// too. 68 % of the points have an error below the reported one including noise, with a tolerance of a tenth.
 #[test]
-fn what_was_asked_for_claims_what_it_is_off_by() {
+fn a_given_model_states_its_error() {
     for (front, spread) in [(0.0, Spread::Even), (0.1, Spread::Even), (0.0, Spread::Bands(5))] {
         let front = Complex::from_polar(front, 1.0);
         let film = Synthetic { retardance: 10f64.to_radians(), axis: 20f64.to_radians(), ..Synthetic::default() };

@@ -47,8 +47,8 @@ impl PolarizerPositions {
         })
     }
 
-    /// For one pixel per block of `block` pixels, with views at `positions` (x, y). Off-centre polarizers see light that
-    /// differs by the gradient, to first order. A block may straddle an edge, so the steeper side counts.
+    /// For one pixel per block of `block` pixels, with views at `positions` (x, y). Off-centre polarizers see light
+    /// that differs by the gradient, to first order. A block may straddle an edge, so the steeper side counts.
     fn super_pixels(positions: &[[f64; 2]], design: &Design, block: usize) -> Self {
         let center = [0, 1].map(|axis| positions.iter().map(|p| p[axis]).sum::<f64>() / positions.len().max(1) as f64);
         let effects = [0, 1].map(|axis| effect(design, |k| (positions[k][axis] - center[axis]) / block as f64));
@@ -231,7 +231,7 @@ mod tests {
     /// A gradient of the light causes false polarization, which differences of the maps predict exactly where it is
     /// small.
     #[test]
-    fn slopes_are_told() {
+    fn sigma_includes_slopes() {
         for slope in [[2e-4, 0.0], [0.0, 2e-4]] {
             let ramp = errors(Demosaic::None, |x, y| 0.5 + slope[0] * x + slope[1] * y);
             assert!(ramp.iter().all(|[error, sigma]| (sigma / error - 1.0).abs() < 0.02), "{:?}", ramp[65]);
@@ -244,7 +244,7 @@ mod tests {
 
     /// Interpolated images reproduce gradients; the error from their curvature is included in σ.
     #[test]
-    fn bends_are_told() {
+    fn sigma_includes_curvature() {
         let ramp = errors(Demosaic::Bilinear, |x, y| 0.5 + 2e-4 * x + 1e-4 * y);
         let inside = |i: usize| (1..SIDE - 1).contains(&(i % SIDE)) && (1..SIDE - 1).contains(&(i / SIDE));
         assert!((0..ramp.len()).filter(|i| inside(*i)).all(|i| ramp[i][0] < 1e-5), "{:?}", ramp[65]);

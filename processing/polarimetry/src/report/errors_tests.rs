@@ -41,7 +41,7 @@ fn wrong_angles_are_found_and_carried_through() {
     let noise = [FrameNoise { shot: 0.0, floor: 1e-10 }; 12];
     // All orientations, several times.
     let aolp = |x: usize, y: usize| 0.11 * x as f64 + 0.07 * y as f64;
-    let (mut actual, mut said) = (0.0, 0.0);
+    let (mut actual, mut predicted) = (0.0, 0.0);
     for seed in 0..SEEDS {
         let (missed, scatter) = angle_errors(12, seed + 77);
         let mut sample = Sample::new(SIDE, SIDE);
@@ -56,7 +56,7 @@ fn wrong_angles_are_found_and_carried_through() {
         // Without noise all errors but the common rotation are determined; neglected terms are of second order, 1 %.
         let sigma = angle_sigma(&sample.all(), &design, &maps).unwrap();
         assert!((sigma.to_degrees() / scatter - 1.0).abs() < 0.02, "{} {scatter}", sigma.to_degrees());
-        said += (sigma * of_angles(&answers(&maps, &design, &noise, None), &design).unwrap()).to_degrees().powi(2);
+        predicted += (sigma * of_angles(&answers(&maps, &design, &noise, None), &design).unwrap()).to_degrees().powi(2);
         let off = |i: usize| {
             let at = sample.pixel(i);
             let found = 0.5 * f64::from(maps.s2[i]).atan2(f64::from(maps.s1[i]));
@@ -66,8 +66,8 @@ fn wrong_angles_are_found_and_carried_through() {
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
         actual += errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / errors.len() as f64;
     }
-    let ratio = (said / actual).sqrt();
-    assert!((1.0 / FACTOR..FACTOR).contains(&ratio), "said {said} actual {actual}");
+    let ratio = (predicted / actual).sqrt();
+    assert!((1.0 / FACTOR..FACTOR).contains(&ratio), "said {predicted} actual {actual}");
 }
 
 /// The same from files, with more photographs than are registered: every angle error is determined except for a common
@@ -166,8 +166,8 @@ fn angles_are_found_beside_light_that_drifts() {
 /// For equidistant angles and orientations over the full range, σ/√(2N); noise alone is not mistaken for angle errors.
 #[test]
 fn the_cost_of_angles_is_the_closed_form() {
-    let told = Series { angle_sigma_deg: Some(0.5), ..series(vec![]) };
-    let error = told.reconstructed(tempfile::tempdir().unwrap().path(), None).error;
+    let stated = Series { angle_sigma_deg: Some(0.5), ..series(vec![]) };
+    let error = stated.reconstructed(tempfile::tempdir().unwrap().path(), None).error;
     assert_eq!((error.angle_sigma_deg, error.angle_source), (Some(0.5), Some(AngleSource::Given)));
     let ratio = error.angle_deg.unwrap() / (0.5 / 24f64.sqrt());
     assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
@@ -226,15 +226,15 @@ fn misregistration_is_carried_through() {
         squares.resize(errors.len(), 0.0);
         squares.iter_mut().zip(&errors).for_each(|(s, e)| *s += e * e / DRAWS as f64);
         let answers = answers(&maps, &design, &noise, None);
-        let said = of_registration(&answers, &maps, &design, &Shifts { known: shifts, sigma: 0.0 }).unwrap();
+        let predicted = of_registration(&answers, &maps, &design, &Shifts { known: shifts, sigma: 0.0 }).unwrap();
         let actual = nacre_base::statistics::median(&mut errors.iter().map(|e| e.abs()).collect::<Vec<_>>()).unwrap();
-        assert!((1.0 / FACTOR..FACTOR).contains(&(said / actual)), "{said} {actual}");
+        assert!((1.0 / FACTOR..FACTOR).contains(&(predicted / actual)), "{predicted} {actual}");
     }
     let still = shifted(&[[0.0; 2]; 6], &angles);
     let blocks: Vec<usize> = (0..still.view(0).len() / AREA).collect();
     let maps = still.solve(&blocks, &kept, &design);
     let answers = answers(&maps, &design, &noise, None);
-    let said = of_registration(&answers, &maps, &design, &Shifts { known: vec![], sigma: 0.2 }).unwrap();
+    let predicted = of_registration(&answers, &maps, &design, &Shifts { known: vec![], sigma: 0.2 }).unwrap();
     let actual = nacre_base::statistics::median(&mut squares.iter().map(|s| s.sqrt()).collect::<Vec<_>>()).unwrap();
-    assert!((1.0 / FACTOR..FACTOR).contains(&(said / actual)), "{said} {actual}");
+    assert!((1.0 / FACTOR..FACTOR).contains(&(predicted / actual)), "{predicted} {actual}");
 }

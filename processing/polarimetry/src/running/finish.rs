@@ -43,7 +43,7 @@ impl Running {
         progress.stage("solving and writing maps", 5);
         let mut solved = fitted.solve_orientations(&mut maps, &writer, &disk)?;
         // Periods use the measured pixels, whose σ is also that of the polarization.
-        let periods = period.map(|p| p.tell(&maps, &solved.map)).transpose()?;
+        let periods = period.map(|p| p.period_maps(&maps, &solved.map)).transpose()?;
         progress.check()?;
         if options.smooth_maps {
             solved.map = smooth(&solved.map, options.smooth, fitted.shared_noise(), progress)?;
@@ -78,10 +78,10 @@ impl Running {
     /// Solves the Stokes parameters of all pixels, and the noise of every view.
     fn solve_intensities(self, corrections: Corrections) -> Result<(Fitted, StokesMaps)> {
         let design = self.design()?;
-        let Self { frames, linearizer, brackets, views, demosaic, sums, sample, read_and_fit_s, .. } = self;
+        let Self { frames, linearizer, brackets, views, demosaic, accumulator, sample, read_and_fit_s, .. } = self;
         let Corrections { alignment, angle_errors } = corrections;
         linearizer.rest();
-        let mut maps = sums.solve(&design);
+        let mut maps = accumulator.solve(&design);
         check_light(&frames, &maps, &linearizer)?;
         let taken = Photographed {
             frames: &frames,

@@ -142,7 +142,7 @@ fn brackets_are_as_good_as_the_closed_form() {
 
 /// Exactly the pixels that are saturated in every exposure are masked; the order of the photographs is irrelevant.
 #[test]
-fn only_what_no_exposure_can_hold_is_masked() {
+fn only_pixels_saturated_in_all_exposures_are_masked() {
     let folder = tempfile::tempdir().unwrap();
     // The brightest level (20) saturates even the shortest exposure.
     photograph(folder.path(), 6, &[0.05, 0.16, 0.64], Some(CAMERA));
@@ -162,7 +162,7 @@ fn only_what_no_exposure_can_hold_is_masked() {
 
 /// A probed pixel has the fit of the maps, and shows its unsaturated exposures.
 #[test]
-fn a_probe_shows_what_the_maps_hold() {
+fn a_probe_has_the_values_of_the_maps() {
     let folder = tempfile::tempdir().unwrap();
     photograph(folder.path(), 6, &EXPOSURES, Some(CAMERA));
     let (found, set) = (maps(folder.path()), load(folder.path()).unwrap());

@@ -60,7 +60,7 @@ fn calibration(planes: &BTreeMap<String, Vec<f32>>, aolp: f64) -> f64 {
 
 /// With given noise, and with noise estimated from one frame and from two.
 #[test]
-fn sigma_is_what_interpolated_pixels_scatter_by() {
+fn sigma_equals_the_scatter_of_interpolated_pixels() {
     for (count, noise) in [(1, Some(CAMERA)), (1, None), (2, None)] {
         let folder = tempfile::tempdir().unwrap();
         photograph(folder.path(), Sensor::Lucid, count, noise);

@@ -35,7 +35,7 @@ const SOFTWARE_MESH_UM: f32 = 1.4;
 const TURNS: f32 = 60_000.0;
 
 /// Maximum number of coherently lit slits: more produce lines too fine for the shaders' sums.
-const MOST_SLITS: usize = 256;
+const MAX_SLITS: usize = 256;
 
 /// Maximum number of lights, and uniforms of each.
 const LIGHTS: usize = 8;
@@ -282,8 +282,8 @@ impl Values {
                     return Err("its slits lie in all directions".into());
                 }
                 let Slits { spacing_um, width_um, count } = comb.slits;
-                if count > MOST_SLITS {
-                    return Err(format!("light falls on {count} slits together, more than {MOST_SLITS}"));
+                if count > MAX_SLITS {
+                    return Err(format!("light falls on {count} slits together, more than {MAX_SLITS}"));
                 }
                 let [x, y] = comb.across;
                 self.set("same", [y.atan2(x), spacing_um, 0.0, 0.0]);

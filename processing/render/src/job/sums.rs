@@ -11,7 +11,7 @@ use crate::material::shading::Accuracy;
 use crate::picture::{Pilot, compared};
 use crate::prepared_scene::PreparedScene;
 use crate::scene::Scene;
-use crate::settings::{MOST_SAMPLES, Method, Settings};
+use crate::settings::{MAX_SAMPLES, Method, Settings};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
 use std::path::Path;
@@ -96,7 +96,7 @@ impl Sums {
         if settings.method == Method::Samples {
             return Ok(pilot);
         }
-        let passes = pilot.passes(settings.max_error, MOST_SAMPLES / SAMPLES);
+        let passes = pilot.passes(settings.max_error, MAX_SAMPLES / SAMPLES);
         // Where samples do not reach the target error, the precomputed sums may have a larger error, as long as it is
         // below that of the samples.
         let left = pilot.noise(pilot.passes(settings.max_error, most));

@@ -6,7 +6,7 @@ use crate::material::diffraction::Diffraction;
 use crate::picture::Pilot;
 use crate::prepared_scene::PreparedScene;
 use crate::prepared_scene::two_pass::{Curves, Fineness, Plan, Seen, TwoPass};
-use crate::settings::{MOST_SAMPLES, Method, Settings};
+use crate::settings::{MAX_SAMPLES, Method, Settings};
 use crate::shape::ray::Hit;
 use nacre_base::progress::Progress;
 use nacre_base::random::Stream;
@@ -48,7 +48,7 @@ const RAYS: usize = 192;
 /// target error.
 const PLACES: usize = 256;
 const FINER: usize = 4;
-const MOST_AT_PLACE: usize = 1 << 16;
+const MAX_AT_PLACE: usize = 1 << 16;
 
 /// Largest number of samples at each point if two passes are requested, which are fast; the larger noise is added to
 /// the reported error.
@@ -277,9 +277,9 @@ impl Work<'_> {
         let most = if self.forced() {
             FEW_AT_PLACE
         } else {
-            MOST_AT_PLACE.min((MEASURING * self.monte_carlo_samples() / places as f64) as usize)
+            MAX_AT_PLACE.min((MEASURING * self.monte_carlo_samples() / places as f64) as usize)
         };
-        let count = wanted.min(most).min(MOST_SAMPLES) / STRATA * STRATA;
+        let count = wanted.min(most).min(MAX_SAMPLES) / STRATA * STRATA;
         let least = FEWEST * STRATA;
         if self.forced() { Some(count.max(least)) } else { (count >= least).then_some(count) }
     }

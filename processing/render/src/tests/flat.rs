@@ -27,7 +27,7 @@ fn lit(position: [f64; 3], more: &str) -> String {
 }
 
 #[test]
-fn what_is_summed_up_is_what_is_drawn_by_chance() {
+fn sums_agree_with_monte_carlo() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     sky(dir.path());
@@ -96,7 +96,7 @@ fn the_error_decides_the_method_not_the_sample_limit() {
 /// For a target error that neither method reaches, the sum with the finest cells is more accurate than the permitted
 /// samples.
 #[test]
-fn what_samples_do_not_reach_is_summed_up_all_the_same() {
+fn sums_include_light_beyond_the_samples() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     sky(dir.path());

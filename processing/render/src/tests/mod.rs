@@ -296,7 +296,7 @@ fn as_predicted(report: &Report) {
 }
 
 #[test]
-fn sums_are_off_by_what_is_said_however_much_that_may_be() {
+fn errors_of_sums_are_as_reported() {
     let shape = "[[shape]]\ntype = \"sphere\"\nradius = 40\nmaterial = \"a\"\n";
     for (foil, light) in
         [(FOIL.to_owned(), ""), (FOIL.replace("depth_um = 0.15", "depth_um = 1.2"), ""), (FOIL.to_owned(), SKY)]
@@ -335,7 +335,7 @@ fn flanks_of_lobes_are_as_exact_as_lobes() {
 }
 
 #[test]
-fn what_was_kept_is_gone_on_with() {
+fn kept_pictures_are_resumed() {
     let dir = tempfile::tempdir().unwrap();
     let text = format!("{STAGE}[[shape]]\ntype = \"sphere\"\nradius = 40\nmaterial = \"a\"\n{FOIL}");
     let whole = picture(&text, dir.path(), &settings(32, 1e-5));

@@ -79,19 +79,19 @@ pub fn bench(seed: u64, pixels: u32) -> BenchConfig {
 /// # Errors
 /// As [`reconstruct`]; `Output` if the folder is not writable.
 pub fn judged(config: &BenchConfig, shown: &Shown, settings: &Settings, folder: &Path) -> Result<Judged> {
-    judged_as_told(config, config, shown, settings, folder)
+    judged_with_nominal_bench(config, config, shown, settings, folder)
 }
 
 /// As [`judged`], but `frames.json` describes another bench.
-pub(super) fn judged_as_told(
+pub(super) fn judged_with_nominal_bench(
     config: &BenchConfig,
-    told: &BenchConfig,
+    nominal: &BenchConfig,
     shown: &Shown,
     settings: &Settings,
     folder: &Path,
 ) -> Result<Judged> {
     let mut bench = Bench::new(config, &Silent)?;
-    photograph(&mut bench, told, shown, folder)?;
+    photograph(&mut bench, nominal, shown, folder)?;
     let begun = Instant::now();
     let out = folder.join("result");
     let report = reconstruct(folder, &out, settings, &Silent)?;

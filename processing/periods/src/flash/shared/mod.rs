@@ -196,10 +196,10 @@ impl Sheet {
     ///
     /// The error is the reason for rejection.
     fn judged(mut self, settings: &Settings) -> std::result::Result<Self, &'static str> {
-        let asked: Vec<usize> = (0..self.areas.len()).filter(|k| self.area_tests[*k].own.is_some()).collect();
+        let tested: Vec<usize> = (0..self.areas.len()).filter(|k| self.area_tests[*k].own.is_some()).collect();
         let weight = |all: &[usize]| all.iter().map(|k| self.areas[*k].pixels.len()).sum::<usize>() as f64;
-        let confirmed: Vec<usize> = asked.iter().copied().filter(|k| self.confirmed(*k)).collect();
-        let agree = weight(&confirmed) / weight(&asked).max(1.0);
+        let confirmed: Vec<usize> = tested.iter().copied().filter(|k| self.confirmed(*k)).collect();
+        let agree = weight(&confirmed) / weight(&tested).max(1.0);
         let mut with: Vec<usize> = confirmed.iter().map(|k| self.areas[*k].grating).collect();
         with.sort_unstable();
         with.dedup();
@@ -213,7 +213,7 @@ impl Sheet {
         let scatter = self.freedom() * (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
         let count = with.len();
         let report = &mut self.report;
-        (report.areas, report.agree, report.scatter_deg) = (asked.len(), agree, scatter.to_degrees());
+        (report.areas, report.agree, report.scatter_deg) = (tested.len(), agree, scatter.to_degrees());
         if sharing.is_empty() {
             return Err("no area confirms a grating that it shares with others");
         }

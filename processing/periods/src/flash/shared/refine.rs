@@ -14,7 +14,7 @@ const FEWEST: usize = 4;
 const LEAST: f64 = 0.005;
 
 /// Maximum number of copies in the fit of a grating.
-const MOST_COPIES: usize = 6000;
+const MAX_COPIES: usize = 6000;
 
 /// Distance relative to the lobe's width below which gratings are merged.
 const SAME: f64 = 0.5;
@@ -80,7 +80,7 @@ fn inside(grating: &Solution, prior: &Prior) -> bool {
 /// Subsamples copies to the number required for a fit.
 pub(super) fn thinned(all: Vec<Vec<Copy>>) -> Vec<Copy> {
     let count: usize = all.iter().map(Vec::len).sum();
-    all.into_iter().flatten().step_by(count / MOST_COPIES + 1).collect()
+    all.into_iter().flatten().step_by(count / MAX_COPIES + 1).collect()
 }
 
 /// Of merged gratings, keeps the one that explains more copies.

@@ -5,16 +5,16 @@ use crate::fit::weighted::WeightedFit;
 use crate::{Design, Fit, StokesMaps};
 
 /// Sums over the photographs.
-pub(crate) enum Sums {
+pub(crate) enum Accumulator {
     /// All pixels of a view have the same weight.
-    Alike(Fit),
+    Uniform(Fit),
     /// Exposures were merged, so variances differ from pixel to pixel.
     Weighted(WeightedFit),
 }
 
-impl Sums {
+impl Accumulator {
     pub(crate) fn new(weighted: bool, width: usize, height: usize) -> Self {
-        if weighted { Self::Weighted(WeightedFit::new(width, height)) } else { Self::Alike(Fit::new(width, height)) }
+        if weighted { Self::Weighted(WeightedFit::new(width, height)) } else { Self::Uniform(Fit::new(width, height)) }
     }
 
     /// Empty sums of the same kind.
@@ -24,7 +24,7 @@ impl Sums {
 
     pub(crate) fn width(&self) -> usize {
         match self {
-            Self::Alike(fit) => fit.width(),
+            Self::Uniform(fit) => fit.width(),
             Self::Weighted(fit) => fit.width(),
         }
     }
@@ -32,21 +32,21 @@ impl Sums {
     /// Number of added views.
     pub(crate) fn views(&self) -> usize {
         match self {
-            Self::Alike(fit) => fit.frames(),
+            Self::Uniform(fit) => fit.frames(),
             Self::Weighted(fit) => fit.frames(),
         }
     }
 
     pub(crate) fn thinned(&self, step: usize) -> Self {
         match self {
-            Self::Alike(fit) => Self::Alike(fit.thinned(step)),
+            Self::Uniform(fit) => Self::Uniform(fit.thinned(step)),
             Self::Weighted(fit) => Self::Weighted(fit.thinned(step)),
         }
     }
 
     pub(crate) fn solve(self, design: &Design) -> StokesMaps {
         match self {
-            Self::Alike(fit) => fit.solve(design),
+            Self::Uniform(fit) => fit.solve(design),
             Self::Weighted(fit) => fit.solve(),
         }
     }
@@ -59,7 +59,7 @@ impl Sums {
         row: impl Fn(usize, usize, usize, &mut [f32], &mut [u8]) + Sync,
     ) {
         match self {
-            Self::Alike(fit) => {
+            Self::Uniform(fit) => {
                 let angles: Vec<f64> = views.iter().map(|(angle, _)| *angle).collect();
                 fit.add_several(&angles, |v, y, light, bad| row(v, 0, y, light, bad));
             }
@@ -74,7 +74,7 @@ impl Sums {
     /// Adds one view. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
     pub(crate) fn add(&mut self, angle: f64, merge: &Merge, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
         match self {
-            Self::Alike(fit) => fit.add(angle, |y, light, bad| row(0, y, light, bad)),
+            Self::Uniform(fit) => fit.add(angle, |y, light, bad| row(0, y, light, bad)),
             Self::Weighted(fit) => fit.add(angle, |y, light, variances, bad| {
                 merge.row(|k, light, bad| row(k, y, light, bad), light, variances, bad);
             }),
