@@ -65,7 +65,7 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
         patience: Patience,
     ) -> DeviceResult<(Self, T)> {
         let (jobs, queue) = mpsc::channel::<Job<D>>();
-        let (tell, told) = oneshot::channel();
+        let (tell, replies) = oneshot::channel();
         let total = patience.total;
         let serve = move || {
             let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
@@ -82,7 +82,7 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
             queue.into_iter().for_each(|job| job(&mut link, &runtime));
         };
         let thread = std::thread::Builder::new().name("device".into()).spawn(serve).map_err(|e| no_thread(&e))?;
-        match told.await {
+        match replies.await {
             Ok(Ok((id, info))) => {
                 Ok((Self { id, patience: total, jobs: Some(jobs), thread: Some(thread), stuck: false }, info))
             }
@@ -109,7 +109,7 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
         let named = command.to_owned();
         let job: Job<D> = Box::new(move |link, runtime| {
             let result = link.connected(&named).and_then(|device| runtime.block_on(run(device)));
-            link.look_at(&result);
+            link.mark_if_lost(&result);
             // A cancelled caller does not need the answer.
             let _ = answer.send(result);
         });
@@ -144,7 +144,7 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
                     }
                 })
             });
-            link.look_at(&result);
+            link.mark_if_lost(&result);
             // If the clean-up failed and the caller is gone, the next caller receives the error.
             if let Some(Err(Err(error))) = result.transpose().map(|result| answer.send(result)) {
                 link.unended = Some(error);
@@ -196,7 +196,7 @@ impl<D: ?Sized> Drop for Actor<D> {
 
 impl<D: ?Sized> Link<D> {
     /// Marks a lost device for reconnection before the next call.
-    fn look_at<T>(&mut self, result: &DeviceResult<T>) {
+    fn mark_if_lost<T>(&mut self, result: &DeviceResult<T>) {
         if result.as_ref().is_err_and(|e| e.class == Class::Lost) {
             self.device = None;
         }
@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_interrupted_is_dropped_and_ended_in_order() {
+    fn interrupted_calls_are_dropped_and_ended_in_order() {
         run(async {
             let mut actor = actor(|_| Some("one"), Arc::default(), 0).await.unwrap();
             let ended = Arc::new(AtomicUsize::new(0));

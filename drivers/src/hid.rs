@@ -1,7 +1,8 @@
-//! HID devices at the report level: on a device node, or on the socket of an emulated device (see [`crate::seam`]).
+//! HID devices at the report level: on a device node, or on the socket of an emulated device (see
+//! [`crate::socket_transport`]).
 
 use crate::discovery::{Access, HidNode, Root, check, hid_nodes};
-use crate::seam::{self, Seam, Transfer};
+use crate::socket_transport::{self, SocketTransport, Transfer};
 use crate::{Class, DeviceError, DeviceResult};
 use std::ffi::CString;
 use std::io;
@@ -37,11 +38,11 @@ pub trait Reports: Send {
 /// # Errors
 /// `Setup` if the device is missing or may not be opened; the message contains the remedy.
 pub fn open(device: &str, path: &str) -> DeviceResult<Box<dyn Reports>> {
-    if let Some(socket) = path.strip_prefix(seam::PREFIX) {
-        let seam = Seam::open(Path::new(socket)).map_err(|e| {
+    if let Some(socket) = path.strip_prefix(socket_transport::PREFIX) {
+        let transport = SocketTransport::open(Path::new(socket)).map_err(|e| {
             cannot_open(device, path, e.to_string()).remedy("start the emulated device that this path belongs to")
         })?;
-        return Ok(Box::new(Socket { seam, device: device.into() }));
+        return Ok(Box::new(Socket { transport, device: device.into() }));
     }
     match check(&Root::default(), Path::new(path)) {
         Access::Denied { remedy } => return Err(cannot_open(device, path, "no permission".into()).remedy(remedy)),
@@ -101,7 +102,7 @@ impl Hidraw {
             let text = error.to_string();
             let there = Path::new(&self.path).exists();
             let kind = if there && text.contains("EPIPE") { io::ErrorKind::InvalidInput } else { io::ErrorKind::Other };
-            seam::failed(&self.device, command, &io::Error::new(kind, text))
+            socket_transport::failed(&self.device, command, &io::Error::new(kind, text))
         })
     }
 }
@@ -131,13 +132,13 @@ impl Reports for Hidraw {
 
 /// An emulated device.
 struct Socket {
-    seam: Seam,
+    transport: SocketTransport,
     device: String,
 }
 
 impl Socket {
     fn transfer(&mut self, command: &str, kind: Transfer, payload: &[u8]) -> DeviceResult<Vec<u8>> {
-        self.seam.transfer(kind, payload).map_err(|e| seam::failed(&self.device, command, &e))
+        self.transport.transfer(kind, payload).map_err(|e| socket_transport::failed(&self.device, command, &e))
     }
 }
 
@@ -180,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_says_what_to_do() {
+    fn missing_devices_have_a_remedy() {
         for path in ["/dev/hidraw-none", "unix:/no/such/socket", "/dev/null", "/dev/nu\0ll", ""] {
             let error = open("relay", path).err().unwrap();
             assert_eq!(error.class, Class::Setup, "{error}");

@@ -15,7 +15,7 @@ pub mod freshness;
 pub mod handles;
 pub mod hid;
 pub mod lock;
-pub mod seam;
+pub mod socket_transport;
 pub mod stage;
 pub mod traits;
 pub mod usb_reset;

@@ -20,7 +20,7 @@ fn write_ppm(path: &Path, pixels: &[u32], [width, height]: [usize; 2]) {
 }
 
 #[test]
-fn the_screen_shows_what_was_drawn() {
+fn the_screen_shows_the_drawn_pattern() {
     let [Ok(output), Ok(folder)] = ["NACRE_TEST_OUTPUT", "NACRE_TEST_FOLDER"].map(std::env::var) else {
         return println!("skipped: no NACRE_TEST_OUTPUT and NACRE_TEST_FOLDER");
     };

@@ -104,7 +104,7 @@ fn all_formats_show_the_same_picture_in_order() {
 }
 
 #[test]
-fn faults_of_a_stream_are_told_and_overcome() {
+fn stream_faults_are_reported_and_overcome() {
     let Some((device, _one)) = device("vivid") else { return };
     let grey = settings(&device, "GREY");
     let mut camera = open(&grey).unwrap();

@@ -24,7 +24,7 @@ pub use nacre_lut::{bokeh, foil};
 pub use nacre_maps as map;
 pub use nacre_maps::recommend;
 pub use nacre_optics::{color, geometry, polarization, rcwa};
-pub use nacre_periods::{calibration, flash, spots};
+pub use nacre_periods::{calibration, flash, fringes};
 pub use nacre_plot as plot;
 pub use nacre_polarimetry as polarimetry;
 pub use nacre_render as render;

@@ -4,7 +4,7 @@
 
 use nacre_base::operation::{Entry, Registered};
 use nacre_lut::{bokeh, foil};
-use nacre_periods::{calibration, flash, spots};
+use nacre_periods::{calibration, flash, fringes};
 
 /// All operations.
 pub const OPERATIONS: &[&dyn Registered] = &[
@@ -14,10 +14,10 @@ pub const OPERATIONS: &[&dyn Registered] = &[
     &Entry::<nacre_lut::Settings>::NEW,
     &Entry::<bokeh::Options>::NEW,
     &Entry::<foil::Settings>::NEW,
-    &Entry::<spots::Settings>::NEW,
+    &Entry::<fringes::Settings>::NEW,
     &Entry::<flash::Settings>::NEW,
-    &Entry::<nacre_brdf::MapOptions>::NEW,
-    &Entry::<nacre_maps::Edits>::NEW,
+    &Entry::<nacre_brdf::Options>::NEW,
+    &Entry::<nacre_maps::Options>::NEW,
     &Entry::<calibration::Options>::NEW,
     &Entry::<nacre_render::Options>::NEW,
     &Entry::<nacre_render::environment::factor::Options>::NEW,

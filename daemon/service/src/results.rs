@@ -10,7 +10,7 @@ use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use nacre_frames::load;
 use nacre_image::encode_png8;
-use nacre_polarimetry::{Point, PutRight, probe};
+use nacre_polarimetry::{AppliedCorrections, Point, probe};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -208,7 +208,7 @@ fn read_pixel(heavy: &Heavy, place: &Place, x: usize, y: usize) -> Answer<Pixel>
     let of = |file: &str, name: &str| if place.results.join(file).exists() { value(name) } else { Ok(None) };
     let orientation = of("orientation.exr", "orientation")?;
     let (period_um, period_sigma_um) = (of("period.exr", "period")?, of("period.exr", "period_sigma")?);
-    let found = probe(&load(&place.input)?, [x, y], &PutRight::read(&place.results)?)?;
+    let found = probe(&load(&place.input)?, [x, y], &AppliedCorrections::read(&place.results)?)?;
     let curve = |k: u32| {
         let deg = 2.0 * f64::from(k);
         let (sin, cos) = (2.0 * deg.to_radians()).sin_cos();

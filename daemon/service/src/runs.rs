@@ -9,7 +9,7 @@ use nacre_capture::engine::{Control, Observer, State};
 use nacre_capture::plan::{Added, Plan, Step};
 use nacre_capture::session::{Commit, Entry, Journal, SessionFile, SoFar};
 use nacre_drivers::DeviceError;
-use nacre_polarimetry::{Glance, Running};
+use nacre_polarimetry::{Preview, Running};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -46,7 +46,7 @@ struct Inner {
     begun: Instant,
     error: Option<String>,
     fault: Option<DeviceError>,
-    map: Option<Arc<Glance>>,
+    map: Option<Arc<Preview>>,
     sigma: Option<SoFar>,
 }
 
@@ -119,7 +119,7 @@ impl Run {
     }
 
     /// The map computed from the frames so far.
-    pub fn map_so_far(&self) -> Option<Arc<Glance>> {
+    pub fn preview(&self) -> Option<Arc<Preview>> {
         self.inner().map.clone()
     }
 
@@ -180,9 +180,9 @@ impl Observer for Run {
     }
 
     fn map(&self, running: &Running) {
-        if let Some(glance) = running.glance(MAP_WIDTH) {
-            let frames = glance.frames;
-            self.inner().map = Some(Arc::new(glance));
+        if let Some(preview) = running.preview(MAP_WIDTH) {
+            let frames = preview.frames;
+            self.inner().map = Some(Arc::new(preview));
             self.events.push_at("map", now(), &json!({ "frames": frames }));
         }
     }

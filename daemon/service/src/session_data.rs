@@ -132,18 +132,18 @@ pub async fn live(State(app): State<Arc<App>>, At(id): At<String>, Params(query)
     app.session_folder(&id)?;
     let missing = || Problem::not_found("map yet").remedy("wait for frames at three angles");
     let run = app.run(&id).ok_or_else(missing)?;
-    let glance = run.map_so_far().ok_or_else(missing)?;
+    let preview = run.preview().ok_or_else(missing)?;
     let name = query.map.unwrap_or_else(|| "orientation".into());
     let plane = match name.as_str() {
-        "orientation" => &glance.orientation,
-        "sigma" => &glance.sigma,
-        "dolp" => &glance.dolp,
+        "orientation" => &preview.orientation,
+        "sigma" => &preview.sigma,
+        "dolp" => &preview.dolp,
         _ => return Err(Problem::bad(format!("map is {name:?}; give orientation, sigma or dolp"))),
     };
     let options = run.plan.reconstruct.as_ref().and_then(|r| r.options_of::<nacre_polarimetry::Options>());
     let palette = options.and_then(Result::ok).map(|o| o.palette).unwrap_or_default();
     let view = maps::View { width: super::picture_width(query.width, 512)?, region: None, palette };
-    let body = png(maps::picture(&name, plane, glance.width, &view, &encode_png8).map_err(std::io::Error::other));
+    let body = png(maps::picture(&name, plane, preview.width, &view, &encode_png8).map_err(std::io::Error::other));
     Ok(([maps::range_header(&name, plane), maps::palette_header(palette)], body?).into_response())
 }
 

@@ -301,7 +301,9 @@ fn kind(word: &str) -> Answer<What> {
         "scene" => Ok(What::Scene),
         other => {
             let said = clip(other);
-            Err(Problem::bad(format!("kind is {said:?}; give photographs, polarization, surface, maps, table or scene")))
+            Err(Problem::bad(format!(
+                "kind is {said:?}; give photographs, polarization, surface, maps, table or scene"
+            )))
         }
     }
 }

@@ -227,13 +227,13 @@ mod tests {
     }
 
     #[test]
-    fn exposures_that_cannot_be_told_apart_are_refused() {
+    fn indistinguishable_exposures_are_refused() {
         let same = [Duration::from_millis(5); 2];
         assert_eq!(run(control_lag(&mut camera(2, 1.0), same, 1.0)).unwrap_err().class, Class::Setup);
     }
 
     #[test]
-    fn a_linear_camera_is_told_from_one_with_a_tone_curve() {
+    fn a_linear_camera_is_distinguished_from_one_with_a_tone_curve() {
         let exposures = ms(&[5, 10, 15, 20, 30, 40]);
         let straight = run(exposure_ramp(&mut camera(2, 1.0), &exposures, 1.0)).unwrap();
         assert!(straight.linear && straight.max_deviation < 0.01, "{straight:?}");

@@ -126,9 +126,9 @@ impl Usb {
 
     /// Human-readable name.
     pub fn words(&self) -> String {
-        let said = [self.manufacturer.as_deref(), self.name.as_deref()];
-        let said: Vec<&str> = said.into_iter().flatten().collect();
-        if said.is_empty() { "USB device".into() } else { said.join(" ") }
+        let names = [self.manufacturer.as_deref(), self.name.as_deref()];
+        let names: Vec<&str> = names.into_iter().flatten().collect();
+        if names.is_empty() { "USB device".into() } else { names.join(" ") }
     }
 
     /// IDs with the serial number, or with the port if there is none.

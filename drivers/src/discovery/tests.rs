@@ -108,7 +108,7 @@ fn ports_without_anything_behind_are_left_out() {
 }
 
 #[test]
-fn a_relay_is_told_from_others_with_its_numbers_and_shown_without_a_node() {
+fn a_relay_is_distinguished_from_others_with_its_ids_and_listed_without_a_node() {
     let machine = Machine::new();
     for (n, product) in ["USBRelay2", "Joystick"].iter().enumerate() {
         let usb = machine.usb(&format!("1-{n}"), "16c0:05df", &[("product", product)]);

@@ -65,7 +65,7 @@ mod tests {
         }
 
         #[test]
-        fn what_was_written_is_read(vendor: u16, product: u16, name in "[a-zA-Z0-9 .]{0,40}", serial in "[A-Z0-9]{0,20}") {
+        fn written_events_are_read(vendor: u16, product: u16, name in "[a-zA-Z0-9 .]{0,40}", serial in "[A-Z0-9]{0,20}") {
             let text = format!("HID_ID=0003:{vendor:08X}:{product:08X}\nHID_NAME={name}\nHID_UNIQ={serial}\n");
             let read = parse(&text);
             prop_assert_eq!(read.id, Some((3, vendor, product)));

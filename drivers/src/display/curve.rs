@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn the_exponents_standard_deviation_holds_what_noise_does_to_it() {
+    fn the_exponents_standard_deviation_includes_noise() {
         // Pseudo-random noise, uniform within ±1.
         let noise = |i: u64| {
             let z = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_power_law_is_kept_as_measured() {
+    fn other_curves_are_kept_as_measured() {
         let values = curve(|c| if c < 0.5 { 0.1 * c } else { 0.05 + 1.9 * (c - 0.5) });
         let law = power_law(&values).unwrap();
         assert!(law.deviation > POWER_LAW);
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_curve_is_none() {
+    fn invalid_curves_are_none() {
         assert!(power_law(&[0.0, 0.5, 1.0]).is_none() && power_law(&[f64::NAN; 16]).is_none());
         assert!(power_law(&[1.0; 16]).is_none() && power_law(&curve(|c| 1.0 - c)).is_none());
     }

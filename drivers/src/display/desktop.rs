@@ -36,9 +36,9 @@ pub fn desktop_warnings() -> Vec<String> {
 fn warnings(session: Option<&str>, processes: impl Iterator<Item = String>) -> Vec<String> {
     let mut found = Vec::new();
     for name in processes {
-        let said = MEDDLERS.iter().find(|(meddler, _)| name.trim() == *meddler).map(|(_, does)| (*does).to_owned());
-        if let Some(said) = said.filter(|s| !found.contains(s)) {
-            found.push(said);
+        let warning = MEDDLERS.iter().find(|(meddler, _)| name.trim() == *meddler).map(|(_, does)| (*does).to_owned());
+        if let Some(warning) = warning.filter(|s| !found.contains(s)) {
+            found.push(warning);
         }
     }
     if found.is_empty() && matches!(session, Some("x11")) {
@@ -52,10 +52,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_meddles_is_named_once() {
+    fn interfering_programs_are_named_once() {
         let running = ["init\n", "redshift\n", "gnome-shell\n", "redshift\n", "not-redshift\n"].map(str::to_owned);
-        let said = warnings(Some("wayland"), running.into_iter());
-        assert!(said.len() == 2 && said[0].contains("redshift") && said[1].contains("Night Light"), "{said:?}");
+        let warning = warnings(Some("wayland"), running.into_iter());
+        assert!(
+            warning.len() == 2 && warning[0].contains("redshift") && warning[1].contains("Night Light"),
+            "{warning:?}"
+        );
         assert!(warnings(Some("x11"), std::iter::empty())[0].contains("xset"));
         assert!(warnings(None, std::iter::empty()).is_empty());
     }

@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_edid_is_refused() {
+    fn invalid_edids_are_refused() {
         let good = example();
         assert_eq!(parse(&good[..127]), Err(EdidError::Short(127)));
         let mut bad = good;

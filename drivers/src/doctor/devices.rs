@@ -37,8 +37,8 @@ pub(super) fn blanking(root: &Root, found: &[Found], meddlers: &[String]) -> Vec
         let found = format!("the console goes dark after {seconds} s");
         checks.push(Check::not_ok(name, Health::Warn, found, "run `setterm --blank 0`, or boot with consoleblank=0"));
     }
-    checks.extend(meddlers.iter().map(|said| {
-        let (found, remedy) = said.split_once(": ").unwrap_or((said, "end it"));
+    checks.extend(meddlers.iter().map(|warning| {
+        let (found, remedy) = warning.split_once(": ").unwrap_or((warning, "end it"));
         Check::not_ok(name, Health::Warn, found, remedy)
     }));
     if checks.is_empty() {
@@ -127,14 +127,14 @@ mod tests {
     fn screens_that_go_dark_are_noticed_where_there_is_one() {
         let folder = tempfile::tempdir().unwrap();
         let root = Root::under(folder.path());
-        let said = ["redshift tints the screen: end it".to_owned()];
-        assert!(blanking(&root, &[], &said).is_empty());
+        let warning = ["redshift tints the screen: end it".to_owned()];
+        assert!(blanking(&root, &[], &warning).is_empty());
         let panel = [Found { kind: Kind::Display, ..camera(1, 0.0) }];
         assert_eq!(blanking(&root, &panel, &[])[0].ok, Health::Ok);
         let parameters = root.sys.join("module/kernel/parameters");
         std::fs::create_dir_all(&parameters).unwrap();
         std::fs::write(parameters.join("consoleblank"), "600\n").unwrap();
-        let checks = blanking(&root, &panel, &said);
+        let checks = blanking(&root, &panel, &warning);
         assert!(checks.len() == 2 && checks.iter().all(|c| c.ok == Health::Warn));
     }
 }

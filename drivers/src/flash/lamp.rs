@@ -41,7 +41,7 @@ pub struct Switchable<L: Lamp> {
     timing: Timing,
     clock: Arc<dyn Clock>,
     /// Last commanded state.
-    asked: bool,
+    requested: bool,
 }
 
 impl<L: Lamp> Switchable<L> {
@@ -50,7 +50,7 @@ impl<L: Lamp> Switchable<L> {
     /// # Errors
     /// If the lamp cannot be switched off, or does not confirm it.
     pub fn new(lamp: L, timing: Timing, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
-        let mut flash = Self { lamp, timing, clock, asked: true };
+        let mut flash = Self { lamp, timing, clock, requested: true };
         match flash.off()? {
             false => Ok(flash),
             true => Err(DeviceError::new(&flash.lamp.id(), "switch off when opened", "off", "on")
@@ -64,7 +64,7 @@ impl<L: Lamp> Switchable<L> {
         for _ in 0..TRIES {
             outcome = self.lamp.set(false).and_then(|()| self.lamp.state());
             if outcome == Ok(false) {
-                self.asked = false;
+                self.requested = false;
                 break;
             }
         }
@@ -73,7 +73,7 @@ impl<L: Lamp> Switchable<L> {
 
     /// Switches on. On any answer other than "on", the light is switched off before the error is reported.
     fn on(&mut self) -> DeviceResult<bool> {
-        self.asked = true;
+        self.requested = true;
         let outcome = self.lamp.set(true).and_then(|()| self.lamp.state());
         if outcome != Ok(true) {
             // The error of switching on is reported, not that of switching off.
@@ -102,11 +102,11 @@ impl<L: Lamp> Flash for Switchable<L> {
 
     async fn is_on(&mut self) -> DeviceResult<bool> {
         let is_on = self.lamp.state()?;
-        if is_on == self.asked {
+        if is_on == self.requested {
             return Ok(is_on);
         }
         let word = |on| if on { "on" } else { "off" };
-        Err(DeviceError::new(&self.lamp.id(), "report its state", word(self.asked), word(is_on))
+        Err(DeviceError::new(&self.lamp.id(), "report its state", word(self.requested), word(is_on))
             .remedy("something else switches it, or it was reset: check its wiring, then resume the session")
             .class(Class::Stop))
     }
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn it_tells_when_the_light_is_steady_and_does_not_wait_for_it() {
+    fn it_reports_when_the_light_is_steady_without_waiting() {
         let (flash, _) = lamp(&[Some(false), Some(true), Some(false)]);
         let mut flash = flash.unwrap();
         for on in [true, false] {

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_port_says_what_to_do() {
+    fn missing_ports_have_a_remedy() {
         for port in ["/dev/no-such-port", "/dev/null", ""] {
             let error = opened(port);
             assert_eq!(error.class, Class::Setup, "{error}");

@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_opened_is_an_error_of_the_setup() {
+    fn failures_to_open_are_setup_errors() {
         let nowhere = elliptec::Settings { port: "/dev/there-is-no-such-port".into(), ..Default::default() };
         let gear = Mounting { gear: 0.0, ..Mounting::default() };
         for (driver, mounting, word) in [
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_device_of_this_machine_is_not_opened_here() {
+    fn devices_of_other_machines_are_not_opened() {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock);
         for driver in [StageDriver::Simulated {}, StageDriver::Hand {}] {
             assert!(StageConfig { driver, mounting: Mounting::default() }.open(&clock).is_none());

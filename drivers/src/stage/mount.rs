@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_with_a_mounting_is_named() {
+    fn defects_of_a_mounting_are_named() {
         let good = Mounting::default();
         for (wrong, key) in [
             (Mounting { gear: 0.0, ..good }, "gear"),

@@ -235,7 +235,7 @@ mod tests {
         }
 
         #[test]
-        fn whatever_comes_is_held_in_bounds(bytes in prop::collection::vec(any::<u8>(), 0..5000)) {
+        fn any_input_is_bounded(bytes in prop::collection::vec(any::<u8>(), 0..5000)) {
             let mut buffer = LineBuffer::new(b"\r\n");
             buffer.push(&bytes);
             while let Some(line) = buffer.pop() {

@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_cannot_be_opened_says_what_to_do() {
+    fn failures_to_open_have_a_remedy() {
         for (path, word) in [("/dev/there-is-no-such-port", "plug it in"), ("/dev/null", "serial port")] {
             let error = SerialWire::open("stage", Path::new(path), 9600).err().unwrap();
             assert!(error.class == Class::Setup && error.remedy.contains(word), "{error}");

@@ -20,7 +20,7 @@ use std::time::Instant;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "BrdfOptions")]
-pub struct MapOptions {
+pub struct Options {
     /// Pixel pitch of the height field in µm, unless its file states it.
     pub pixel_um: Option<f64>,
     /// Height of white above black in µm, unless the file states it.
@@ -48,7 +48,7 @@ pub struct MapOptions {
     pub settings: Settings,
 }
 
-impl Default for MapOptions {
+impl Default for Options {
     fn default() -> Self {
         Self {
             pixel_um: None,
@@ -76,7 +76,7 @@ pub struct MapReport {
     pub densities: f64,
 }
 
-impl MapOptions {
+impl Options {
     fn views(&self) -> Views {
         Views { size: self.size, center: self.center, half: 1.0 / self.zoom }
     }
@@ -91,7 +91,7 @@ impl MapOptions {
     }
 }
 
-impl Operation for MapOptions {
+impl Operation for Options {
     const NAME: &'static str = "brdf";
     const TITLE: &'static str = "Picture of the light that a height field diffracts into all directions";
     const INPUT: Input = Input::Files;
@@ -124,7 +124,7 @@ impl Operation for MapOptions {
     }
 }
 
-impl MapOptions {
+impl Options {
     /// Computes the map of a height field, and its report without file names.
     ///
     /// # Errors

@@ -63,7 +63,7 @@ pub use expansion::{chebyshev_terms, taylor_terms};
 pub use fresnel::{MATERIALS, Reflectance};
 pub use geometry::{Direction, Pair, Window};
 pub use height::HeightField;
-pub use job::{MapOptions, MapReport};
+pub use job::{MapReport, Options};
 pub use orders::{OrderMethod, Section, most_orders};
 pub use peaks::peaks_picture;
 pub use report::Report;

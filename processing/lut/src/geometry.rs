@@ -94,7 +94,7 @@ impl Placement {
                     return bad("has no zero order in view".into(), "calibrate camera and light together");
                 };
                 let shift = [center[0] - expected[0], center[1] - expected[1]];
-                let view = View { light, viewer, pixels: Pixels::Seen { geometry, shift } };
+                let view = View { light, viewer, pixels: Pixels::Photographed { geometry, shift } };
                 let away = shift[0].hypot(shift[1]);
                 if away * view.scale([x, y]) > ASTRAY {
                     let problem =
@@ -128,7 +128,7 @@ enum Pixels<'a> {
     /// Linear: a surface position, its pixel, and the pixel size in mm.
     Even { zero: [f64; 2], center: [f64; 2], mm: f64 },
     /// Camera model, with an offset in pixels.
-    Seen { geometry: &'a Geometry, shift: [f64; 2] },
+    Photographed { geometry: &'a Geometry, shift: [f64; 2] },
 }
 
 /// A photograph resampled to half vectors.
@@ -188,7 +188,7 @@ impl View<'_> {
     fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self.pixels {
             Pixels::Even { zero, center, mm } => [zero[0] + (x - center[0]) * mm, zero[1] - (y - center[1]) * mm],
-            Pixels::Seen { geometry, shift } => {
+            Pixels::Photographed { geometry, shift } => {
                 geometry.point([x - shift[0], y - shift[1]]).map_or([f64::NAN; 2], |[x, y, _]| [x, y])
             }
         }
@@ -198,7 +198,7 @@ impl View<'_> {
     fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self.pixels {
             Pixels::Even { zero, center, mm } => [center[0] + (x - zero[0]) / mm, center[1] - (y - zero[1]) / mm],
-            Pixels::Seen { geometry, shift } => {
+            Pixels::Photographed { geometry, shift } => {
                 geometry.pixel([x, y, 0.0]).map_or([f64::NAN; 2], |[x, y]| [x + shift[0], y + shift[1]])
             }
         }

@@ -254,8 +254,8 @@ mod tests {
     fn a_light_moves_and_adds_the_pattern_of_each_of_its_points() {
         let gray = [1.0; 3];
         // Two sources: the second lies below the first and is weaker; and one displaced source.
-        let [error, said] = off(&[([50.0, 55.0], 1.5, gray), ([72.0, 66.0], 1.0, [0.4; 3])], None);
-        assert!(error < 1e-3 && said < error, "{error} {said}");
+        let [error, predicted] = off(&[([50.0, 55.0], 1.5, gray), ([72.0, 66.0], 1.0, [0.4; 3])], None);
+        assert!(error < 1e-3 && predicted < error, "{error} {predicted}");
         let [error, _] = off(&[([60.0, 60.0], 0.9, gray)], Some([52.3, 63.4]));
         assert!(error < 1e-3, "{error}");
     }
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn what_shows_no_whole_light_is_refused() {
+    fn photographs_without_a_whole_light_are_refused() {
         let cut = |planes: Vec<Vec<f32>>, scale: f64| {
             Light::cut_out(&planes, 32, None, scale).map(|_| ()).unwrap_err().to_string()
         };

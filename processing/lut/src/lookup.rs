@@ -206,13 +206,13 @@ fn add_up(
     let mut wanted = settings.max_error;
     let mut tries = 0;
     loop {
-        let asked = match settings.method {
+        let requested = match settings.method {
             MethodChoice::Auto => None,
             MethodChoice::Rays(spacing_px) => Some(Method::Rays(Fineness { spacing_px, every: 1 })),
             MethodChoice::Fixed(step_nm) => Some(Method::Fixed { step_nm }),
             MethodChoice::Single(spacing_px) => Some(Method::Single { spacing_px }),
         };
-        let (method, choice) = match asked {
+        let (method, choice) = match requested {
             None => choose(source, kernel, grid, wanted),
             Some(method) => (method, given(source, kernel, grid, method)),
         };
@@ -224,7 +224,7 @@ fn add_up(
         let errors = check(pairs, grid, &entries, moved);
         tries += 1;
         let off = errors[0].unwrap_or(0.0);
-        if asked.is_some() || off <= settings.max_error || tries == TRIES {
+        if requested.is_some() || off <= settings.max_error || tries == TRIES {
             return (entries, choice, errors);
         }
         // Compensates for the ratio of verified to predicted error in the next selection.

@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_unknown_stays_unknown() {
+    fn unknown_pixels_stay_unknown() {
         let mut image = vec![1.0_f32; 20 * 10];
         image[5 * 20 + 10] = f32::NAN;
         let plane = Plane::new(&image, 20, 10);

@@ -193,8 +193,8 @@ impl Operation for Settings {
     }
 
     fn missed(&self, report: &Report) -> Option<String> {
-        let said = ["the error at the rim, over the table's own,", "", "report.json lists its parts"];
-        exceeds(Some(self.max_error), report.error_estimate, said)
+        let labels = ["the error at the rim, over the table's own,", "", "report.json lists its parts"];
+        exceeds(Some(self.max_error), report.error_estimate, labels)
     }
 }
 

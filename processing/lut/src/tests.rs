@@ -121,8 +121,8 @@ fn tables_are_as_exact_as_asked_for_where_fixed_steps_are_not() {
         {
             let made = scene.table(method, max_error);
             let [rim, inside] = [0.6..2.0, 0.05..0.6].map(|r| scene.error(&made, r));
-            let said = made.0.error.unwrap();
-            println!("{name} {max_error}: rim {rim:.5}, inside {inside:.5}, said {said:.5}, {:?}", made.0.choice);
+            let predicted = made.0.error.unwrap();
+            println!("{name} {max_error}: rim {rim:.5}, inside {inside:.5}, said {predicted:.5}, {:?}", made.0.choice);
             found.push([rim, inside]);
         }
         assert!(found[0].iter().all(|e| *e < 0.01), "{name}: {found:?}");
@@ -141,10 +141,10 @@ fn pixels_that_are_too_coarse_are_noticed() {
         let scene = Scene { lattice: Lattice { pitch: 0.1, sigma: px * scale, angle: 0.2 }, scale };
         // The detector rejects lobes of fewer than nine pixels, so the position is given.
         let made = scene.table(MethodChoice::Auto, 0.009);
-        let (off, said) = (scene.error(&made, 0.6..2.0), made.0.whole_error().unwrap());
-        println!("{px} px: {off:.5}, said {said:.5}, between pixels {:.5}", made.0.sampling_error.unwrap());
+        let (off, predicted) = (scene.error(&made, 0.6..2.0), made.0.whole_error().unwrap());
+        println!("{px} px: {off:.5}, said {predicted:.5}, between pixels {:.5}", made.0.sampling_error.unwrap());
         // The estimate is about twice the true error, because its parts are added as if independent.
-        assert!(off < said && said < 3.0 * off, "{px}: {off} {said}");
+        assert!(off < predicted && predicted < 3.0 * off, "{px}: {off} {predicted}");
     }
 }
 

@@ -26,7 +26,7 @@ Edits are done in the order of the options above. Writes orientation.exr, period
 report.json."
 ))]
 #[schemars(rename = "MapOptions")]
-pub struct Edits {
+pub struct Options {
     /// Rotation of image and orientations in degrees, anticlockwise; multiples of 90 are exact.
     #[schemars(extend("x-aliases" = ["rotate"]))]
     pub rotate_deg: Option<f64>,
@@ -69,7 +69,7 @@ pub struct Edits {
 ///
 /// # Errors
 /// `Input` for invalid edits, and for edits of a missing map.
-pub fn edit(maps: &Maps, edits: &Edits) -> Result<Maps> {
+pub fn edit(maps: &Maps, edits: &Options) -> Result<Maps> {
     edits.check(maps)?;
     let mut new = maps.clone();
     if let Some(deg) = edits.rotate_deg {
@@ -99,7 +99,7 @@ pub fn edit(maps: &Maps, edits: &Edits) -> Result<Maps> {
     Ok(new)
 }
 
-impl Edits {
+impl Options {
     /// Predicted time, memory and disk space, from the largest intermediate map.
     pub fn work(&self, maps: &Maps) -> Work {
         let factor = self.resample.unwrap_or(1.0);
@@ -123,8 +123,8 @@ impl Edits {
             curve.clone().checked()?;
         }
         let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
-        let drawn = Edits { palette: self.palette, no_scale_bar: self.no_scale_bar, ..Edits::default() };
-        if *self == (Edits { layout: self.layout, ..drawn }) {
+        let drawn = Options { palette: self.palette, no_scale_bar: self.no_scale_bar, ..Options::default() };
+        if *self == (Options { layout: self.layout, ..drawn }) {
             return bad("edit", "changes nothing".into(), "say what to do; see --help");
         }
         let orientation = maps.maps.contains_key(&Kind::Orientation);
@@ -193,7 +193,7 @@ fn of_curve(orientation: &Map, curve: &Curve) -> Map {
 }
 
 /// Scales, shifts and clamps periods; results of 0 or less are masked.
-fn rescale(map: &mut Map, edits: &Edits) {
+fn rescale(map: &mut Map, edits: &Options) {
     if edits.scale.is_none() && edits.offset_um.is_none() && edits.clamp_um.is_none() {
         return;
     }

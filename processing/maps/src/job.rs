@@ -1,7 +1,7 @@
 //! The operation on map files: edited maps, a comparison picture and a report in a new folder.
 
 use super::asset::Maps;
-use super::edit::{Edits, edit};
+use super::edit::{Options, edit};
 use super::picture::before_and_after;
 use nacre_base::estimate::Work;
 use nacre_base::operation::{Input, Operation, Summary, lines};
@@ -40,7 +40,7 @@ pub struct Report {
     /// `map`.
     pub method: &'static str,
     /// The edits.
-    pub edits: Edits,
+    pub edits: Options,
     /// Colour map of angles in the picture.
     pub palette: Palette,
     /// Maps before the edit.
@@ -63,7 +63,7 @@ impl About {
     }
 }
 
-impl Operation for Edits {
+impl Operation for Options {
     const NAME: &'static str = "map";
     const TITLE: &'static str = "Edited maps of orientation and period";
     const INPUT: Input = Input::Maps;

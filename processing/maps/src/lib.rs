@@ -20,7 +20,7 @@ mod tests;
 pub use asset::{Kind, Map, Maps};
 pub use compare::{Agreement, Compared, Comparison, compare};
 pub use curve::Curve;
-pub use edit::{Edits, edit};
+pub use edit::{Options, edit};
 pub use job::{About, Report};
 pub use layout::Layout;
 pub use pack::{Encoding, PACK, export, import};

@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn one_group_is_said_and_one_brightness_refused() {
+    fn one_group_is_reported_and_one_brightness_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("ramp.png");
         let codes: Vec<u16> = (0..64 * 64).map(|i| (i * 15) as u16).collect();

@@ -60,7 +60,7 @@ fn maps_come_back_from_exr_and_from_a_pack_to_the_bit() {
     let back = import(&home.path().join("out")).unwrap();
     assert!(same(&back, &all));
     // An edit commutes with export and import.
-    let edits = Edits { rotate_deg: Some(33.0), scale: Some(1.1), ..Edits::default() };
+    let edits = Options { rotate_deg: Some(33.0), scale: Some(1.1), ..Options::default() };
     assert!(same(&edit(&back, &edits).unwrap(), &edit(&all, &edits).unwrap()));
 }
 
@@ -149,25 +149,25 @@ fn image_and_orientations_turn_together() {
 fn copies_lie_as_the_layout_says() {
     let all = maps(6, 4);
     let at = |maps: &Maps, kind: Kind, x: usize, y: usize| maps.maps[&kind].value[y * maps.width + x];
-    let twice = edit(&all, &Edits { tile: Some([2, 3]), ..Edits::default() }).unwrap();
+    let twice = edit(&all, &Options { tile: Some([2, 3]), ..Options::default() }).unwrap();
     assert_eq!([twice.width, twice.height], [12, 12]);
     assert_eq!(at(&twice, Kind::Orientation, 6 + 4, 8 + 2), at(&all, Kind::Orientation, 4, 2));
     assert!(at(&twice, Kind::Period, 6, 4).is_nan());
-    let mirror = edit(&all, &Edits { tile: Some([2, 2]), layout: Layout::Mirror, ..Edits::default() }).unwrap();
+    let mirror = edit(&all, &Options { tile: Some([2, 2]), layout: Layout::Mirror, ..Options::default() }).unwrap();
     assert_eq!(at(&mirror, Kind::Period, 6 + 1, 3), at(&all, Kind::Period, 4, 3));
     assert!(apart(at(&mirror, Kind::Orientation, 6 + 1, 3), -at(&all, Kind::Orientation, 4, 3)) < 1e-6);
     // Mirroring twice is a rotation by 180°, which leaves orientations unchanged.
     assert!(apart(at(&mirror, Kind::Orientation, 6 + 1, 4 + 1), at(&all, Kind::Orientation, 4, 2)) < 1e-6);
-    let brick = edit(&all, &Edits { size: Some([6, 8]), layout: Layout::Brick, ..Edits::default() }).unwrap();
+    let brick = edit(&all, &Options { size: Some([6, 8]), layout: Layout::Brick, ..Options::default() }).unwrap();
     assert_eq!(at(&brick, Kind::Period, 2, 4 + 2), at(&all, Kind::Period, 5, 2));
-    let cropped = edit(&all, &Edits { size: Some([3, 2]), ..Edits::default() }).unwrap();
+    let cropped = edit(&all, &Options { size: Some([3, 2]), ..Options::default() }).unwrap();
     assert!(at(&cropped, Kind::Period, 0, 0).is_nan());
 }
 
 #[test]
-fn resampling_keeps_what_the_map_says() {
+fn resampling_preserves_orientations() {
     let all = maps(60, 60);
-    let coarse = edit(&all, &Edits { resample: Some(0.5), ..Edits::default() }).unwrap();
+    let coarse = edit(&all, &Options { resample: Some(0.5), ..Options::default() }).unwrap();
     assert_eq!([coarse.width, coarse.height], [30, 30]);
     assert_eq!(coarse.maps[&Kind::Period].attributes["pixel_um"], "25");
     let period = &coarse.maps[&Kind::Period];
@@ -175,7 +175,7 @@ fn resampling_keeps_what_the_map_says() {
     assert!((period.value[15 * 30 + 10] - (0.8 + 0.205)).abs() < 1e-6);
     // Averaging must not reduce σ.
     assert!(period.sigma[15 * 30 + 10] >= 0.002);
-    let fine = edit(&all, &Edits { resample: Some(3.0), ..Edits::default() }).unwrap();
+    let fine = edit(&all, &Options { resample: Some(3.0), ..Options::default() }).unwrap();
     let (w, map) = (fine.width, &fine.maps[&Kind::Orientation]);
     let (x, y) = (150.0 - 89.5, 89.5 - 40.0);
     assert!(apart(map.value[40 * w + 150], f32::atan2(y, x)) < 1e-3);
@@ -189,7 +189,7 @@ fn resampling_keeps_what_the_map_says() {
         attributes: Default::default(),
     };
     let seam = Maps { width: 4, height: 4, maps: [(Kind::Orientation, map)].into() };
-    let mean = edit(&seam, &Edits { resample: Some(0.5), ..Edits::default() }).unwrap();
+    let mean = edit(&seam, &Options { resample: Some(0.5), ..Options::default() }).unwrap();
     assert!(apart(mean.maps[&Kind::Orientation].value[0], 0.0) < 1e-3);
 }
 
@@ -203,7 +203,7 @@ fn periods_follow_curves_and_their_slopes() {
         let [_, slope] = curve.at(1.1).unwrap();
         let rise = (curve.at(1.1 + 1e-6).unwrap()[0] - curve.at(1.1 - 1e-6).unwrap()[0]) / 2e-6;
         assert!((slope - rise).abs() < 1e-6);
-        let new = edit(&all, &Edits { period: Some(curve.clone()), ..Edits::default() }).unwrap();
+        let new = edit(&all, &Options { period: Some(curve.clone()), ..Options::default() }).unwrap();
         let (orientation, period) = (&new.maps[&Kind::Orientation], &new.maps[&Kind::Period]);
         assert_eq!(orientation.mask, period.mask);
         let i = 20 * 64 + 50;
@@ -215,7 +215,7 @@ fn periods_follow_curves_and_their_slopes() {
     let table = Curve::Table(vec![[0.0, 1.0], [90.0, 2.0], [120.0, 1.5]]);
     assert!((table.at(45.0_f64.to_radians()).unwrap()[0] - 1.5).abs() < 1e-12);
     assert_eq!(table.at(130.0_f64.to_radians()), None);
-    let new = edit(&all, &Edits { period: Some(table), ..Edits::default() }).unwrap();
+    let new = edit(&all, &Options { period: Some(table), ..Options::default() }).unwrap();
     let hidden = new.maps[&Kind::Orientation].known() - new.maps[&Kind::Period].known();
     assert!(hidden > 1000 && hidden < 1700, "{hidden}");
     let table = |rows: &[[f64; 2]]| Curve::Table(rows.to_vec());
@@ -228,21 +228,21 @@ fn periods_follow_curves_and_their_slopes() {
         Curve::Quadratic([-1.0, 2.0]),
         Curve::SineSquared([1.0, f64::INFINITY]),
     ] {
-        assert!(edit(&all, &Edits { period: Some(wrong.clone()), ..Edits::default() }).is_err(), "{wrong:?}");
+        assert!(edit(&all, &Options { period: Some(wrong.clone()), ..Options::default() }).is_err(), "{wrong:?}");
     }
 }
 
 #[test]
 fn periods_are_scaled_shifted_and_clamped_in_that_order() {
     let all = maps(50, 5);
-    let edits = Edits { scale: Some(2.0), offset_um: Some(-1.7), clamp_um: Some([0.05, 0.6]), ..Edits::default() };
+    let edits = Options { scale: Some(2.0), offset_um: Some(-1.7), clamp_um: Some([0.05, 0.6]), ..Options::default() };
     let new = edit(&all, &edits).unwrap();
     let row = &new.maps[&Kind::Period].value[4 * 50..];
     assert!((row[10] - 0.1).abs() < 1e-6 && row[0] == 0.05 && row[49] == 0.6, "{row:?}");
     let sigma = [&new, &all].map(|m| m.maps[&Kind::Period].sigma[4 * 50 + 10]);
     assert!((sigma[0] - 2.0 * sigma[1]).abs() < 1e-9);
     // Without a clamp, periods of 0 or less are masked.
-    let new = edit(&all, &Edits { offset_um: Some(-1.0), ..Edits::default() }).unwrap();
+    let new = edit(&all, &Options { offset_um: Some(-1.0), ..Options::default() }).unwrap();
     let map = &new.maps[&Kind::Period];
     assert!(map.value[4 * 50 + 10].is_nan() && map.mask[4 * 50 + 10] == 0.0 && map.mask[4 * 50 + 49] == 1.0);
 }
@@ -253,19 +253,19 @@ fn edits_that_make_no_sense_are_refused() {
     let mut period_only = all.clone();
     period_only.maps.remove(&Kind::Orientation);
     let quadratic = Curve::Quadratic([1.0, 2.0]);
-    assert!(edit(&period_only, &Edits { period: Some(quadratic), ..Edits::default() }).is_err());
+    assert!(edit(&period_only, &Options { period: Some(quadratic), ..Options::default() }).is_err());
     for edits in [
-        Edits::default(),
-        Edits { rotate_deg: Some(f64::NAN), ..Edits::default() },
-        Edits { resample: Some(0.0), ..Edits::default() },
-        Edits { resample: Some(1000.0), tile: Some([10_000, 10_000]), ..Edits::default() },
-        Edits { tile: Some([0, 1]), ..Edits::default() },
-        Edits { tile: Some([usize::MAX, 2]), ..Edits::default() },
-        Edits { size: Some([0, 5]), ..Edits::default() },
-        Edits { size: Some([1 << 40, 1 << 40]), ..Edits::default() },
-        Edits { clamp_um: Some([2.0, 1.0]), ..Edits::default() },
-        Edits { scale: Some(-1.0), ..Edits::default() },
-        Edits { offset_um: Some(f64::INFINITY), ..Edits::default() },
+        Options::default(),
+        Options { rotate_deg: Some(f64::NAN), ..Options::default() },
+        Options { resample: Some(0.0), ..Options::default() },
+        Options { resample: Some(1000.0), tile: Some([10_000, 10_000]), ..Options::default() },
+        Options { tile: Some([0, 1]), ..Options::default() },
+        Options { tile: Some([usize::MAX, 2]), ..Options::default() },
+        Options { size: Some([0, 5]), ..Options::default() },
+        Options { size: Some([1 << 40, 1 << 40]), ..Options::default() },
+        Options { clamp_um: Some([2.0, 1.0]), ..Options::default() },
+        Options { scale: Some(-1.0), ..Options::default() },
+        Options { offset_um: Some(f64::INFINITY), ..Options::default() },
     ] {
         assert!(edit(&all, &edits).is_err(), "{edits:?}");
     }
@@ -278,7 +278,7 @@ fn maps_of_one_sample_are_laid_over_each_other() {
     truth.maps.get_mut(&Kind::Period).unwrap().sigma.fill(0.002);
     let noise = |i: usize| (((i * 7919) % 1009) as f32 / 1009.0 - 0.5) * 12_f32.sqrt();
     let mut other =
-        edit(&truth, &Edits { size: Some([50, 40]), orientation_offset_deg: Some(3.0), ..Edits::default() });
+        edit(&truth, &Options { size: Some([50, 40]), orientation_offset_deg: Some(3.0), ..Options::default() });
     let map = other.as_mut().unwrap().maps.get_mut(&Kind::Period).unwrap();
     map.value.iter_mut().enumerate().for_each(|(i, v)| *v += 0.002 * noise(i));
     map.sigma.fill(0.002);
@@ -322,7 +322,7 @@ fn maps_of_one_sample_are_laid_over_each_other() {
 fn before_and_after_are_drawn() {
     let all = maps(300, 200);
     let curve = Curve::SineSquared([0.8, 1.6]);
-    let new = edit(&all, &Edits { rotate_deg: Some(30.0), period: Some(curve), ..Edits::default() }).unwrap();
+    let new = edit(&all, &Options { rotate_deg: Some(30.0), period: Some(curve), ..Options::default() }).unwrap();
     let canvas = before_and_after(&all, &new, nacre_image::Palette::Cyclic, true);
     assert!(canvas.width > 900 && canvas.height > 500);
     if let Some(folder) = std::env::var_os("NACRE_PICTURES") {

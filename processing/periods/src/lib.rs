@@ -2,4 +2,4 @@
 
 pub mod calibration;
 pub mod flash;
-pub mod spots;
+pub mod fringes;

@@ -21,11 +21,11 @@
 mod angles;
 mod film;
 mod fit;
-mod look;
 mod memory;
 mod options;
 mod orientation;
 mod precision;
+mod preview;
 mod reconstruct;
 mod report;
 mod running;
@@ -34,19 +34,18 @@ pub mod synthetic;
 #[cfg(test)]
 mod tests;
 
-pub use angles::angle_error::{angle_sigma, misses};
+pub use angles::angle_error::{angle_errors, angle_sigma};
 pub use angles::repeats::RepeatsReport;
-pub use film::asked::{Asked, CLOUD};
+pub use film::camera_position::Oblique;
 pub use film::check::{CircleCheck, check_circle};
 pub use film::correction::ObliqueReport;
 pub use film::models::Model;
-pub use film::stand::Oblique;
+pub use film::solve_options::{SAMPLE_PIXELS, SolveOptions};
 pub use fit::demosaic::{Demosaic, demosaiced};
 pub use fit::design::Design;
 pub use fit::noise::estimate_noise;
 pub use fit::views::MAX_BRACKET;
 pub use fit::{Fit, StokesMaps, fit_stack};
-pub use look::{Glance, Point, Probe, PutRight, is_polarimetric, probe};
 pub use memory::{check_memory, work, work_of};
 pub use nacre_frames::{FrameNoise, Illumination, NoiseModel, NoiseSource};
 pub use nacre_image::registration::{Align, Alignment};
@@ -57,7 +56,8 @@ pub use orientation::period::{PeriodMaps, PeriodScale, polarization_of, relative
 pub use orientation::period_map::{Metal, PeriodMethod, PeriodReport};
 pub use orientation::polarizers::widen_between_polarizers;
 pub use orientation::smooth::{Smoothing, smooth, smoothed_orientation};
-pub use precision::{HOPELESS, Precision};
+pub use precision::{Precision, UNREACHABLE_FACTOR};
+pub use preview::{AppliedCorrections, Point, Preview, Probe, is_polarimetric, probe};
 pub use reconstruct::reconstruct;
 pub use report::compare::{Comparison, compare};
 pub use report::errors::{AngleSource, ErrorReport};

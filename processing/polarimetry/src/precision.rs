@@ -18,7 +18,7 @@ const COMPARED: usize = 2048;
 const QUANTILE: f64 = 0.9;
 
 /// A target σ is unreachable if the smallest reachable one exceeds it by this factor.
-pub const HOPELESS: f64 = 1.2;
+pub const UNREACHABLE_FACTOR: f64 = 1.2;
 
 /// Gain of an angle, relative to the best one's, that counts as equal.
 const AS_GOOD: f64 = 0.99;
@@ -48,12 +48,12 @@ impl Running {
     /// # Errors
     /// `Input` while the angles do not determine an orientation.
     pub fn precision(&self) -> Result<Precision> {
-        let views = &self.views[..self.sums.views()];
+        let views = &self.views[..self.accumulator.views()];
         let angles: Vec<f64> = views.iter().map(|v| v.angle).collect();
         let design = Design::new(&angles)?;
         let pixels = self.frames.info.width * self.frames.info.height;
         let step = (pixels as f64 / PIXELS as f64).sqrt().ceil().max(1.0) as usize;
-        let mut maps = self.sums.thinned(step).solve(&design);
+        let mut maps = self.accumulator.thinned(step).solve(&design);
         let (noise, source) = self.noise(&mut maps, &design);
         let sigma = orient(&mut maps, &design, &noise, 0.0).sigma;
         let next = self.next(&noise);
@@ -62,7 +62,7 @@ impl Running {
 
     /// The next view is assumed to be exposed as the last one.
     fn next(&self, noise: &[FrameNoise]) -> Next {
-        let bracket = self.views.get(self.sums.views().saturating_sub(1)).map_or(0, |v| v.bracket);
+        let bracket = self.views.get(self.accumulator.views().saturating_sub(1)).map_or(0, |v| v.bracket);
         let bracket = self.brackets.get(bracket).map_or(&[][..], |b| b);
         let stated = noise_of_bracket(&self.frames, &self.linearizer, bracket);
         // Ratio of estimated to stated noise.

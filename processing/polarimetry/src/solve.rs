@@ -1,15 +1,15 @@
 //! From intensities to orientations, under a given or the selected model.
 
 use crate::angles::angle_error::distorted;
-use crate::film::asked::{Asked, CLOUD};
 use crate::film::choose::{Choice, is_ring};
 use crate::film::classes::Classes;
 use crate::film::cloud::{CloudPoint, cloud};
 use crate::film::correction::{Corrected, choose_corrected};
-use crate::film::locate::{Lens, locate};
+use crate::film::invert_curve::{Inversion, invert_curve};
+use crate::film::solve_options::{SAMPLE_PIXELS, SolveOptions};
 use crate::orientation::edges::{widen_at_edges, widen_where_apart};
 use crate::orientation::orient::phases;
-use crate::orientation::polarizers::Places;
+use crate::orientation::polarizers::PolarizerPositions;
 use crate::{
     CircleCheck, Design, FrameNoise, MASK_SNR, Model, ObliqueReport, OrientationMaps, StokesMaps, check_circle,
 };
@@ -33,11 +33,11 @@ pub(crate) struct Solved {
 
 /// Relative positions of the views of a pixel.
 #[derive(Default)]
-pub(crate) struct Seen {
+pub(crate) struct ViewDisplacement {
     /// Root mean square of the remaining shifts between photographs, in pixels.
     pub apart_px: f64,
     /// Positions of the polarizers, for a polarization sensor.
-    pub places: Option<Places>,
+    pub polarizers: Option<PolarizerPositions>,
 }
 
 /// Pixels per task of a thread.
@@ -52,10 +52,10 @@ impl Solved {
     /// Adds systematic errors to the σ of noise: of the model, of mixed pixels at edges, and of photographs or
     /// polarizers that see different points. Plain polarimetry has no model error, and light mixed by the lens has the
     /// polarization of the mixture.
-    pub fn tell_systematic(&mut self, maps: &StokesMaps, model: Model, seen: &Seen) {
-        widen_where_apart(&mut self.map, seen.apart_px as f32);
-        if let Some(places) = &seen.places {
-            places.widen(maps, &mut self.map);
+    pub fn add_systematic(&mut self, maps: &StokesMaps, model: Model, displacement: &ViewDisplacement) {
+        widen_where_apart(&mut self.map, displacement.apart_px as f32);
+        if let Some(polarizers) = &displacement.polarizers {
+            polarizers.widen(maps, &mut self.map);
         }
         if model == Model::Plain {
             return;
@@ -80,16 +80,26 @@ impl Solved {
 }
 
 /// Orientations only, for charts.
-pub fn orient_with(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> OrientationMaps {
-    let mut solved = solve_model(maps, design, noise, asked);
-    solved.tell_systematic(maps, asked.model, &Seen::default());
+pub fn orient_with(
+    maps: &mut StokesMaps,
+    design: &Design,
+    noise: &[FrameNoise],
+    options: &SolveOptions,
+) -> OrientationMaps {
+    let mut solved = solve_model(maps, design, noise, options);
+    solved.add_systematic(maps, options.model, &ViewDisplacement::default());
     solved.map
 }
 
 /// Solves orientations from intensities. Consumes the residual map, whose memory σ reuses.
-pub(crate) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> Solved {
+pub(crate) fn solve_model(
+    maps: &mut StokesMaps,
+    design: &Design,
+    noise: &[FrameNoise],
+    options: &SolveOptions,
+) -> Solved {
     let residual = std::mem::take(&mut maps.residual);
-    solve_with(maps, residual, design, noise, asked)
+    solve_with(maps, residual, design, noise, options)
 }
 
 /// As [`solve_model`], without mutable access to the maps.
@@ -98,24 +108,24 @@ pub(crate) fn solve_with(
     residual: Vec<f32>,
     design: &Design,
     noise: &[FrameNoise],
-    asked: &Asked,
+    options: &SolveOptions,
 ) -> Solved {
-    if asked.model == Model::Plain {
+    if options.model == Model::Plain {
         let map = phases(maps, residual, design, noise, 0.0);
-        let grating_like = is_ring(&modulated(maps, design, noise, CLOUD));
+        let grating_like = is_ring(&modulated(maps, design, noise, SAMPLE_PIXELS));
         return Solved { grating_like, ..Solved::without_model(map) };
     }
-    let points = modulated(maps, design, noise, asked.pixels);
-    let (points, classes) = of_one_grating(points, asked);
-    let distorted = distorted(&points, maps, design, asked.angle_sigma);
-    let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked, distorted) else {
-        let map = phases(maps, residual, design, noise, asked.offset);
+    let points = modulated(maps, design, noise, options.pixels);
+    let (points, classes) = of_one_grating(points, options);
+    let distorted = distorted(&points, maps, design, options.angle_sigma);
+    let Some(Corrected { choice, correction, report }) = choose_corrected(&points, options, distorted) else {
+        let map = phases(maps, residual, design, noise, options.offset);
         let circle = check_circle(maps, &map);
         return Solved { circle, ..Solved::without_model(map) };
     };
     let chosen = &choice.candidates[choice.chosen];
-    let lens = Lens { design, noise, model: chosen, correction: correction.as_ref(), offset: asked.offset };
-    let (map, without_grating) = locate(maps, residual, &lens);
+    let inversion = Inversion { design, noise, model: chosen, correction: correction.as_ref(), offset: options.offset };
+    let (map, without_grating) = invert_curve(maps, residual, &inversion);
     // The test uses uncorrected points.
     let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
     Solved { without_grating, circle, choice: Some(choice), classes, oblique: report, ..Solved::without_model(map) }
@@ -130,8 +140,8 @@ fn modulated(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: us
 
 /// The points of the largest class of gratings, whose model is used for all, and the classes; all points if there is
 /// only one.
-fn of_one_grating(points: Vec<CloudPoint>, asked: &Asked) -> (Vec<CloudPoint>, Option<Classes>) {
-    let classes = if asked.model == Model::Auto { Classes::find(&points) } else { None };
+fn of_one_grating(points: Vec<CloudPoint>, options: &SolveOptions) -> (Vec<CloudPoint>, Option<Classes>) {
+    let classes = if options.model == Model::Auto { Classes::find(&points) } else { None };
     match classes {
         Some(classes) => (classes.largest(&points), Some(classes)),
         None => (points, None),

@@ -1,13 +1,13 @@
 //! Settings of a rendering.
 
-use crate::environment::factor::MOST_RANK;
+use crate::environment::factor::MAX_RANK;
 use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Maximum number of samples per pixel.
-pub(crate) const MOST_SAMPLES: usize = 1 << 20;
+pub(crate) const MAX_SAMPLES: usize = 1 << 20;
 
 /// Method of rendering lookup tables under environments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -72,7 +72,7 @@ impl Settings {
     /// # Errors
     /// `Input`, which names the setting.
     pub(crate) fn check(&self) -> Result<()> {
-        if !(1..=MOST_SAMPLES).contains(&self.samples) {
+        if !(1..=MAX_SAMPLES).contains(&self.samples) {
             let problem = format!("are {}", self.samples);
             return Err(Error::input("samples", problem, "give 1 to 1048576 samples per pixel"));
         }
@@ -83,8 +83,8 @@ impl Settings {
         if self.wavelengths.is_some_and(|n| !(3..=10_000).contains(&n)) {
             return Err(Error::input("wavelengths", "are too few or too many", "give 3 to 10000, or leave them out"));
         }
-        if let Some(rank) = self.rank.filter(|r| !(1..=MOST_RANK).contains(r)) {
-            return Err(Error::input("rank", format!("is {rank}"), format!("give 1 to {MOST_RANK} terms")));
+        if let Some(rank) = self.rank.filter(|r| !(1..=MAX_RANK).contains(r)) {
+            return Err(Error::input("rank", format!("is {rank}"), format!("give 1 to {MAX_RANK} terms")));
         }
         if self.rank.is_some() && self.method == Method::Samples {
             let remedy = "leave the rank out, or choose the method two-pass or auto";

@@ -4,7 +4,7 @@ use super::page::{Entry, html};
 use super::plan::Plan;
 use super::runner::measure;
 use super::summary::{Summary, summarize};
-use super::{Look, Study, Width, overview, picture, png_from_svg, tables};
+use super::{ChartFormat, Study, Width, overview, picture, png_from_svg, tables};
 use nacre_base::input::{self, Unreadable};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
@@ -54,7 +54,7 @@ pub struct Request<'a> {
     /// Seed, runs, effort, program version.
     pub plan: Plan,
     /// Style of the charts.
-    pub look: Look,
+    pub format: ChartFormat,
     /// Studies to measure.
     pub studies: &'a [Study],
     /// Pictures to draw.
@@ -107,7 +107,7 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
         }
         let records = measure(study, &request.plan, &raw, progress)?;
         let summary = summarize(study, &request.plan, &records);
-        charted.put(write_study(out, &summary, request.look)?);
+        charted.put(write_study(out, &summary, request.format)?);
         summaries.push(summary);
     }
     for group in groups(&summaries) {
@@ -176,12 +176,12 @@ fn make_dir(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|e| Error::output(folder, e))
 }
 
-fn write_study(out: &Path, summary: &Summary, look: Look) -> Result<Chart> {
+fn write_study(out: &Path, summary: &Summary, format: ChartFormat) -> Result<Chart> {
     let name = &summary.name;
     write_whole(&out.join(format!("{name}/{name}.csv")), tables::csv(summary).as_bytes())?;
     let json = serde_json::to_vec_pretty(summary).map_err(std::io::Error::from);
     write_whole(&out.join(format!("{name}/{name}.json")), &json.map_err(|e| Error::output(out, e))?)?;
-    let mut files = write_pictures(out, name, &picture::draw(summary, look), look.width)?;
+    let mut files = write_pictures(out, name, &picture::draw(summary, format), format.width)?;
     files.extend(["csv", "json"].map(|kind| format!("{name}/{name}.{kind}")));
     files.push(format!("{name}/raw.jsonl"));
     Ok(Chart {

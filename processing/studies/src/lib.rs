@@ -41,9 +41,9 @@
 //! # Ok::<(), nacre_base::Error>(())
 //! ```
 
+mod chart_format;
 mod folder;
 pub mod gpu;
-mod look;
 mod machine;
 mod overview;
 mod page;
@@ -63,8 +63,8 @@ mod trade;
 #[cfg(test)]
 mod tests;
 
+pub use chart_format::{ChartFormat, Width};
 pub use folder::{Chart, Charted, Drawn, Picture, Request, catalogue, chart};
-pub use look::{Look, Width};
 pub use machine::Machine;
 pub use nacre_plot::{Scale, png_from_svg};
 pub use pareto::pareto_front;

@@ -3,7 +3,7 @@
 use nacre_plot::style::{ALARM, INK, SOFT, number};
 
 use super::style::{WRONG, method_color, methods, shape};
-use super::{Look, Scale, Summary, Width, sweep, trade};
+use super::{ChartFormat, Scale, Summary, Width, sweep, trade};
 use nacre_plot::svg::{Anchor, Area, Svg, bold_width, fill, text_width};
 
 /// Heights of a panel, of the figure title, and of a panel title.
@@ -31,13 +31,13 @@ impl Form {
 }
 
 /// Draws the study as SVG.
-pub(super) fn draw(summary: &Summary, look: Look) -> String {
-    let form = Form::of(look.width);
+pub(super) fn draw(summary: &Summary, format: ChartFormat) -> String {
+    let form = Form::of(format.width);
     let names = summary.stress.scale == Scale::Names;
     let longest = summary.scenes.iter().map(|s| text_width(&s.label, 12.0)).fold(0.0, f64::max);
     let below = if names { 52.0 + 0.48 * longest } else { 58.0 };
-    let head = if look.titles { PANEL_TITLE } else { 12.0 };
-    let top = if look.titles { TITLE } else { 0.0 } + head;
+    let head = if format.titles { PANEL_TITLE } else { 12.0 };
+    let top = if format.titles { TITLE } else { 0.0 } + head;
     let left = Area::new(form.trade, top, form.trade_width, PANEL);
     let right = if form.beside {
         let x = form.trade + form.trade_width + 1.4 * form.trade;
@@ -49,7 +49,7 @@ pub(super) fn draw(summary: &Summary, look: Look) -> String {
     let rows = rows(&signs, form.width);
     let first_row = right.y + PANEL + below + 28.0;
     let mut svg = Svg::new(form.width, first_row + 22.0 * rows.len() as f64);
-    if look.titles {
+    if format.titles {
         titles(&mut svg, [left, right], summary, names);
     }
     trade::draw(&mut svg, left, summary);
@@ -61,7 +61,7 @@ pub(super) fn draw(summary: &Summary, look: Look) -> String {
             svg.text([at[0] + 26.0, at[1]], &sign.text, 12.0, Anchor::Start, &fill(SOFT));
         }
     }
-    match look.width.mm() {
+    match format.width.mm() {
         Some(mm) => svg.finish_for_print(&summary.title, mm),
         None => svg.finish(&summary.title),
     }

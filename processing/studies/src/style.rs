@@ -93,7 +93,7 @@ mod tests {
 
     /// Settings of one method that are drawn together differ in colour and in label.
     #[test]
-    fn every_curve_can_be_told() {
+    fn every_curve_is_distinguishable() {
         for study in crate::polarimetry::studies(crate::Effort::Quick) {
             let summary = crate::summarize(&study, &crate::Plan::new(1, "test"), &[]);
             let shown: Vec<usize> = (0..study.settings.len()).filter(|s| study.settings[*s].in_sweep).collect();

@@ -46,7 +46,7 @@ pub(super) fn records_without_time(records: &[Record]) -> Vec<(usize, usize, usi
 }
 
 fn request<'a>(out: &'a Path, studies: &'a [Study]) -> Request<'a> {
-    Request { out, force: false, look: Look::default(), plan: Plan::new(3, "test"), studies, pictures: &[] }
+    Request { out, force: false, format: ChartFormat::default(), plan: Plan::new(3, "test"), studies, pictures: &[] }
 }
 
 #[test]
@@ -80,8 +80,8 @@ fn charts_fit_the_columns_of_a_journal() {
     chart(&request(&out, &studies), &Silent).unwrap();
     let raw = std::fs::read(out.join("series/raw.jsonl")).unwrap();
     for (width, mm) in [(Width::Single, 85.0), (Width::Double, 178.0)] {
-        let look = Look { titles: false, width };
-        chart(&Request { look, ..request(&out, &studies) }, &Silent).unwrap();
+        let format = ChartFormat { titles: false, width };
+        chart(&Request { format, ..request(&out, &studies) }, &Silent).unwrap();
         let svg = std::fs::read_to_string(out.join("series/series.svg")).unwrap();
         assert!(svg.contains(&format!("width=\"{mm:.3}mm\"")) && !svg.contains("Error, and where"), "{svg}");
         // 300 pixels per inch.

@@ -1,7 +1,7 @@
 //! Photographs a mosaic of gratings under fringes, reconstructs the period maps and compares them with the truth:
 //! `spots SEED PIXELS COUNT PHASES FINEST_MM [KEY=VALUE…]`.
 
-use nacre_periods::spots::Settings;
+use nacre_periods::fringes::Settings;
 use nacre_sim::BenchConfig;
 use nacre_sim_charts::spots::{Shown, bench, judged};
 

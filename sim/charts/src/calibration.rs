@@ -110,7 +110,7 @@ mod tests {
 
     /// Focal-length errors match their σ and fall with the number of photographs; boards without tilt are refused.
     #[test]
-    fn more_photographs_tell_more_and_flat_ones_nothing() {
+    fn more_photographs_reduce_errors_and_parallel_ones_do_not() {
         let mean = |photographs, scene| {
             let all = (0..8).map(|seed| run(photographs, scene, seed).unwrap());
             let found: Vec<_> = all.filter_map(|o| Some([o.error?, o.predicted?, o.wrong])).collect();

@@ -171,7 +171,7 @@ mod tests {
 
     /// The correct depth gives the period to within its σ; a wrong depth and the brightness do not.
     #[test]
-    fn the_depth_is_what_must_be_known() {
+    fn the_depth_must_be_known() {
         let of = |k: usize| run(1024, WAYS[k].1, [1.3, 0.0], 3).unwrap();
         let [right, shallow, bright] = [1, 2, 4].map(of);
         let ratio = right.error.unwrap() / right.predicted.unwrap();

@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_noise_is_about_what_was_predicted() {
+    fn the_noise_is_about_as_predicted() {
         let found = run(24, 64, 10.0, 3).unwrap();
         assert!(found.error.unwrap() < 0.5 && found.wrong == 0.0, "{found:?}");
     }

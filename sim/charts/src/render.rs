@@ -251,7 +251,7 @@ mod tests {
 
     /// Too few wavelengths give wrong pictures, the default does not; a near light differs from a far one.
     #[test]
-    fn studies_measure_what_they_say() {
+    fn studies_measure_their_quantity() {
         let [wavelengths, distance, flat]: [Study; 3] = studies(Effort::Quick).try_into().ok().unwrap();
         let error = |study: &Study, setting, scene| (study.run)(setting, scene, 3).unwrap().error.unwrap();
         let [auto, few] = [0, 1].map(|k| error(&wavelengths, k, 1));

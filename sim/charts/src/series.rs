@@ -4,7 +4,7 @@ use nacre_base::{Error, Result};
 use nacre_frames::{Frame, FrameSet, Kind, check};
 use nacre_image::write_png16_gray;
 use nacre_polarimetry::synthetic::{Synthetic, even_angles};
-use nacre_polarimetry::{HOPELESS, NoiseModel, Running, orient};
+use nacre_polarimetry::{NoiseModel, Running, UNREACHABLE_FACTOR, orient};
 use nacre_studies::polarimetry::judge;
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::path::Path;
@@ -122,7 +122,7 @@ fn run(side: usize, wanted: Wanted, electrons: f64, seed: u64) -> Result<Outcome
                 break;
             }
             let least = precision.least_sigma_after(AT_MOST);
-            if precision.is_certain() && least.is_none_or(|least| least > HOPELESS * sigma) {
+            if precision.is_certain() && least.is_none_or(|least| least > UNREACHABLE_FACTOR * sigma) {
                 out_of_reach = true;
                 break;
             }

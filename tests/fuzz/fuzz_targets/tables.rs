@@ -8,7 +8,7 @@ use nacre_frames::hdr::Response;
 use nacre_lut::bokeh::Calibration;
 use nacre_maps::{Curve, PACK};
 use nacre_optics::color::Spectrum;
-use nacre_polarimetry::PutRight;
+use nacre_polarimetry::AppliedCorrections;
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((choice, text)) = bytes.split_first() else { return };
@@ -22,6 +22,6 @@ fuzz_target!(|bytes: &[u8]| {
         5 => _ = Calibration::read(&file("calibration.toml")),
         6 => _ = nacre_maps::import(&file(PACK)),
         7 => _ = Terms::read(file(TERMS_FILE).parent().unwrap_or(nacre_fuzz::folder())),
-        _ => _ = PutRight::read(file("report.json").parent().unwrap_or(nacre_fuzz::folder())),
+        _ => _ = AppliedCorrections::read(file("report.json").parent().unwrap_or(nacre_fuzz::folder())),
     }
 });

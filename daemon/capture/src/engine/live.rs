@@ -2,15 +2,15 @@
 //! computes it.
 
 use super::Observer;
+use super::frame_writer::{Arrival, frame_set};
 use super::series::{Decision, decide, decide_fringes};
-use super::store::{Arrival, frame_set};
 use crate::plan::{Plan, PlanKind};
 use crate::session::SessionFile;
 use nacre_base::Result;
 use nacre_drivers::CameraInfo;
 use nacre_frames::{FILE_NAME, Frame, LoadedFrames, planned};
 use nacre_image::{Depth, Info};
-use nacre_periods::spots::{self, Survey};
+use nacre_periods::fringes::{self, Survey};
 use nacre_polarimetry::Running;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -174,7 +174,7 @@ impl Live<'_> {
 pub fn begin_survey(folder: &Path, description: &SessionFile, camera: &CameraInfo) -> Result<Survey> {
     let plan = &description.plan;
     let settings =
-        plan.reconstruct.as_ref().and_then(|r| r.options_of::<spots::Settings>()).transpose()?.unwrap_or_default();
+        plan.reconstruct.as_ref().and_then(|r| r.options_of::<fringes::Settings>()).transpose()?.unwrap_or_default();
     let set = frame_set(description, camera, vec![]);
     let path = folder.join(FILE_NAME);
     let (folder, info) = (folder.to_path_buf(), info(plan, camera));

@@ -1,7 +1,7 @@
 //! Exposure metering: the longest exposure without saturation over the full rotation of the analyser, and from there
 //! the exposures of a bracket.
 
-use super::hands::Hands;
+use super::bench_controller::BenchController;
 use crate::failure::Failure;
 use crate::plan::{BracketPlan, Plan, Role, State, light_on_s};
 use nacre_base::progress::Progress;
@@ -47,10 +47,14 @@ pub struct Metered {
 ///
 /// # Errors
 /// As [`meter`].
-pub async fn metered(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> Result<Metered, Failure> {
-    let exposure = meter(hands, plan, progress).await?;
+pub async fn metered(
+    controller: &mut BenchController<'_>,
+    plan: &Plan,
+    progress: &dyn Progress,
+) -> Result<Metered, Failure> {
+    let exposure = meter(controller, plan, progress).await?;
     let bracket_ms = match plan.bracket {
-        Some(wanted) => bracket(hands, plan, wanted, exposure, progress).await?,
+        Some(wanted) => bracket(controller, plan, wanted, exposure, progress).await?,
         None => vec![],
     };
     Ok(Metered { exposure, bracket_ms })
@@ -58,18 +62,18 @@ pub async fn metered(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress
 
 /// Exposures from the shortest, which saturates almost no pixels, upwards until longer ones add no information.
 async fn bracket(
-    hands: &mut Hands<'_>,
+    controller: &mut BenchController<'_>,
     plan: &Plan,
     wanted: BracketPlan,
     shortest: Duration,
     progress: &dyn Progress,
 ) -> Result<Vec<f64>, Failure> {
-    let (camera, lights) = (hands.limits().camera.clone(), lights(plan));
+    let (camera, lights) = (controller.limits().camera.clone(), lights(plan));
     let Some(light) = lights.first() else { return Ok(vec![]) };
-    let longest = longest(hands, light.flash);
+    let longest = longest(controller, light.flash);
     let (black, range) = (f32::from(camera.black), f32::from(camera.white.saturating_sub(camera.black).max(1)));
     progress.stage("metering the bracket", u64::from(wanted.at_most));
-    hands.prepare(light.analyser_deg.is_some()).await?;
+    controller.prepare(light.analyser_deg.is_some()).await?;
     let mut exposures = vec![];
     let mut exposure = shortest;
     loop {
@@ -79,13 +83,13 @@ async fn bracket(
         if exposures.len() == wanted.at_most as usize || next > longest {
             break;
         }
-        hands.expose(exposure, plan.camera.gain).await?;
-        hands.cover(false).await?;
-        hands.show(light.pattern).await?;
+        controller.expose(exposure, plan.camera.gain).await?;
+        controller.cover(false).await?;
+        controller.show(light.pattern).await?;
         if let Some(angle) = light.analyser_deg {
-            hands.turn(angle).await?;
+            controller.turn(angle).await?;
         }
-        let mut codes = lit(hands, light.flash).await?.codes;
+        let mut codes = lit(controller, light.flash).await?.codes;
         let at = (codes.len().saturating_sub(1) as f64 * DARKEST) as usize;
         let dark = (f32::from(*codes.select_nth_unstable(at).1) - black) / range;
         if dark >= LIT {
@@ -93,17 +97,17 @@ async fn bracket(
         }
         exposure = Duration::from_secs_f64(next);
     }
-    hands.dark().await?;
+    controller.dark().await?;
     Ok(exposures)
 }
 
 /// Longest exposure permitted by camera and flash, in seconds.
-fn longest(hands: &Hands<'_>, flash: bool) -> f64 {
-    let [shortest, mut longest] = hands.limits().camera.exposure_s;
+fn longest(controller: &BenchController<'_>, flash: bool) -> f64 {
+    let [shortest, mut longest] = controller.limits().camera.exposure_s;
     if flash {
         // Longer exposures would exceed the maximum on-time of the flash.
-        let max = hands.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
-        while light_on_s(Duration::from_secs_f64(longest), 1, hands.limits()) > max && longest > shortest {
+        let max = controller.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
+        while light_on_s(Duration::from_secs_f64(longest), 1, controller.limits()) > max && longest > shortest {
             longest *= 0.5;
         }
     }
@@ -114,19 +118,23 @@ fn longest(hands: &Hands<'_>, flash: bool) -> f64 {
 ///
 /// # Errors
 /// Device errors; no light; a sample too bright for the shortest exposure.
-async fn meter(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> Result<Duration, Failure> {
+async fn meter(
+    controller: &mut BenchController<'_>,
+    plan: &Plan,
+    progress: &dyn Progress,
+) -> Result<Duration, Failure> {
     let lights = lights(plan);
     let turn = lights.iter().any(|l| l.analyser_deg.is_some());
     progress.stage("metering", lights.len() as u64);
-    hands.prepare(turn).await?;
+    controller.prepare(turn).await?;
     let mut shortest: Option<Duration> = None;
     for light in &lights {
-        let exposure = one(hands, plan.camera.gain, light, shortest).await?;
+        let exposure = one(controller, plan.camera.gain, light, shortest).await?;
         shortest = Some(shortest.map_or(exposure, |s| s.min(exposure)));
         progress.step();
     }
-    hands.dark().await?;
-    let camera = &hands.limits().camera;
+    controller.dark().await?;
+    let camera = &controller.limits().camera;
     let shortest = shortest.ok_or_else(|| nothing(camera, Duration::ZERO))?;
     Ok(steady(shortest, &camera.steady_exposures_s))
 }
@@ -159,20 +167,20 @@ pub(crate) fn lights(plan: &Plan) -> Vec<State> {
 /// # Errors
 /// Device errors; no light; a sample too bright for the shortest exposure.
 pub(super) async fn one(
-    hands: &mut Hands<'_>,
+    controller: &mut BenchController<'_>,
     gain: f64,
     light: &State,
     guess: Option<Duration>,
 ) -> Result<Duration, Failure> {
-    let camera = hands.limits().camera.clone();
-    let longest = longest(hands, light.flash);
+    let camera = controller.limits().camera.clone();
+    let longest = longest(controller, light.flash);
     let clamp = |seconds: f64| Duration::from_secs_f64(seconds.min(longest).max(camera.exposure_s[0]));
     let mut exposure = guess.unwrap_or_else(|| clamp(FIRST_S));
     for _ in 0..ATTEMPTS {
-        hands.expose(exposure, gain).await?;
-        hands.cover(false).await?;
-        hands.show(light.pattern).await?;
-        let level = level(hands, light, &camera).await?;
+        controller.expose(exposure, gain).await?;
+        controller.cover(false).await?;
+        controller.show(light.pattern).await?;
+        let level = level(controller, light, &camera).await?;
         let next = clamp(exposure.as_secs_f64() * step(level));
         if TRUSTED.contains(&level) {
             return Ok(next);
@@ -206,14 +214,14 @@ pub(crate) fn tried(guess: Option<Duration>, needed: Duration) -> Vec<Duration> 
 
 /// Level of the brightest pixels between black (0) and white (1), at the brightest analyser angle. Four frames at 0,
 /// 45, 90 and 135 degrees determine the full rotation; without an analyser, one frame suffices.
-async fn level(hands: &mut Hands<'_>, light: &State, camera: &CameraInfo) -> Result<f64, Failure> {
+async fn level(controller: &mut BenchController<'_>, light: &State, camera: &CameraInfo) -> Result<f64, Failure> {
     let (black, range) = (f32::from(camera.black), f32::from(camera.white.saturating_sub(camera.black).max(1)));
     let linear = |code: &u16| (f32::from(*code) - black) / range;
     let mut values: Vec<f32> = if light.analyser_deg.is_some() {
         let mut fit = Fit::new(camera.width, camera.height);
         for angle in TURN_DEG {
-            hands.turn(angle).await?;
-            let frame = lit(hands, light.flash).await?;
+            controller.turn(angle).await?;
+            let frame = lit(controller, light.flash).await?;
             fit.add(angle.to_radians(), |y, row, _| {
                 row.iter_mut().zip(&frame.codes[y * frame.width..]).for_each(|(v, c)| *v = linear(c));
             });
@@ -221,20 +229,20 @@ async fn level(hands: &mut Hands<'_>, light: &State, camera: &CameraInfo) -> Res
         let maps = fit.solve(&Design::new(&TURN_DEG.map(f64::to_radians))?);
         (0..maps.s0.len()).map(|i| 0.5 * (maps.s0[i] + maps.s1[i].hypot(maps.s2[i]))).collect()
     } else {
-        lit(hands, light.flash).await?.codes.iter().map(linear).collect()
+        lit(controller, light.flash).await?.codes.iter().map(linear).collect()
     };
     Ok(f64::from(quantile(&mut values, BRIGHT).unwrap_or(0.0)))
 }
 
 /// A fresh frame, with the flash switched on only during its exposure if required.
-async fn lit(hands: &mut Hands<'_>, flash: bool) -> Result<Frame, Failure> {
+async fn lit(controller: &mut BenchController<'_>, flash: bool) -> Result<Frame, Failure> {
     if flash {
-        hands.switch(true).await?;
+        controller.switch(true).await?;
     }
-    let (frame, _) = hands.fresh().await?;
-    hands.still_lit(flash).await?;
+    let (frame, _) = controller.fresh().await?;
+    controller.still_lit(flash).await?;
     if flash {
-        hands.switch(false).await?;
+        controller.switch(false).await?;
     }
     Ok(frame)
 }

@@ -5,41 +5,42 @@
 //! every angle is approached from below, and committed frames are not repeated. The light is always switched off at the
 //! end.
 //!
-//! Three activities run in parallel: bench control (`take`), storage of frames (`store`), and reconstruction (`live`).
+//! Three activities run in parallel: bench control (`sequencer`), storage of frames (`frame_writer`), and reconstruction
+//! (`live`).
 
-mod hands;
+mod bench_controller;
 #[cfg(test)]
-mod hands_tests;
+mod bench_controller_tests;
+mod frame_writer;
 mod live;
 mod meter;
 mod panel;
 mod panel_advice;
+mod sequencer;
 mod series;
 mod state;
-mod store;
-mod take;
 mod watch;
 
-pub use hands::{Devices, Hands, Memory};
+pub use bench_controller::{BenchController, Devices, Memory};
 pub use meter::Metered;
 pub(crate) use meter::{TURN_DEG, lights, tried};
 pub use panel::{LEVELS, PanelFound, measure as measure_panel};
 pub use panel_advice::drawn_by;
 
+pub use sequencer::guarded;
 pub use state::{Control, Input, State, TABLE};
-pub use take::guarded;
 pub use watch::Watch;
 
 use crate::failure::Failure;
 use crate::plan::{Added, Plan, Role, Step, groups};
 use crate::session::{Commit, Disk, Entry, Session, SessionFile, SoFar, Timing};
+use frame_writer::{FrameWriter, Message};
 use live::{Deciding, Live};
 use nacre_base::Error;
 use nacre_base::progress::Progress;
 use nacre_polarimetry::Running;
+use sequencer::{Decisions, Sequencer};
 use std::time::{Duration, Instant};
-use store::{Message, Store};
-use take::{Decisions, Taker};
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
 
@@ -92,12 +93,12 @@ impl Engine<'_> {
     /// Those of devices and interlocks; `Cancelled`.
     pub fn meter(&mut self, plan: &Plan) -> Result<(Metered, Timing), Failure> {
         let begun = Instant::now();
-        let mut hands = Hands::new(self.devices);
+        let mut controller = BenchController::new(self.devices);
         let _ = self.control.send(Input::Start);
         let (watch, control, observer) = (self.watch, self.control, self.observer);
         self.runtime.block_on(async {
-            let result = guarded(watch, control, meter::metered(&mut hands, plan, observer)).await;
-            let dark = hands.dark().await;
+            let result = guarded(watch, control, meter::metered(&mut controller, plan, observer)).await;
+            let dark = controller.dark().await;
             let metered = match result {
                 Ok(metered) => dark.map(|()| metered)?,
                 Err(failure) => {
@@ -106,7 +107,7 @@ impl Engine<'_> {
                     return Err(failure.at("metering"));
                 }
             };
-            Ok((metered, timing(&hands, begun.elapsed())))
+            Ok((metered, timing(&controller, begun.elapsed())))
         })
     }
 
@@ -150,11 +151,12 @@ impl Engine<'_> {
         let (out, queue) = mpsc::channel(QUEUE);
         let (arrivals, arrived) = std::sync::mpsc::channel();
         let (known, before_chosen) = (steps.clone(), chosen.clone());
-        let mut hands = Hands::new(self.devices);
-        hands.stood = session.journal().stood().filter(|_| !plan.turns());
-        let store = Store { session, description, steps: known, chosen: before_chosen, camera, observer, arrivals };
-        let taker = Taker {
-            hands,
+        let mut controller = BenchController::new(self.devices);
+        controller.fixed_analyser_deg = session.journal().fixed_analyser_deg().filter(|_| !plan.turns());
+        let writer =
+            FrameWriter { session, description, steps: known, chosen: before_chosen, camera, observer, arrivals };
+        let sequencer = Sequencer {
+            controller,
             watch: self.watch,
             control: self.control,
             plan,
@@ -166,10 +168,10 @@ impl Engine<'_> {
         let (runtime, control) = (self.runtime, self.control);
         std::thread::scope(|scope| {
             let following = scope.spawn(move || live.follow(arrived));
-            store.announce_stored(&missing);
-            let storing = scope.spawn(|| store.run(queue));
+            writer.announce_stored(&missing);
+            let storing = scope.spawn(|| writer.run(queue));
             let further = further.then_some((chosen, &mut decided));
-            let taken = runtime.block_on(take_and_finish(taker, (&steps, &missing), further, before));
+            let taken = runtime.block_on(capture_and_finish(sequencer, (&steps, &missing), further, before));
             let stored = storing.join().unwrap_or_else(|_| Err(died("storing")));
             let running = following.join().unwrap_or(None);
             // An error of the disk is the cause of a cancelled capture.
@@ -185,16 +187,16 @@ impl Engine<'_> {
 }
 
 /// Captures the frames, waits until they are stored, and closes the session or records why it ended.
-async fn take_and_finish(
-    mut taker: Taker<'_>,
+async fn capture_and_finish(
+    mut sequencer: Sequencer<'_>,
     (steps, missing): (&[Step], &[bool]),
     further: Option<(Vec<Added>, &mut Decisions)>,
     before: Timing,
 ) -> Result<Timing, Failure> {
     let begun = Instant::now();
-    let result = taker.take_all(steps, missing, further).await;
-    taker.flush().await;
-    let now = timing(&taker.hands, begun.elapsed() - taker.paused);
+    let result = sequencer.capture_all(steps, missing, further).await;
+    sequencer.flush().await;
+    let now = timing(&sequencer.controller, begun.elapsed() - sequencer.paused);
     let timing = Timing {
         device_s: before.device_s + now.device_s,
         engine_s: before.engine_s + now.engine_s,
@@ -204,12 +206,12 @@ async fn take_and_finish(
         Ok(()) => Message::Finish(timing),
         Err(failure) => Message::Note(Entry::stopped(failure)),
     };
-    let _ = taker.out.send(last).await;
+    let _ = sequencer.out.send(last).await;
     result.map(|()| timing)
 }
 
-fn timing(hands: &Hands, wall: Duration) -> Timing {
-    let stopwatch = &hands.stopwatch;
+fn timing(controller: &BenchController, wall: Duration) -> Timing {
+    let stopwatch = &controller.stopwatch;
     Timing {
         device_s: stopwatch.device_time().as_secs_f64(),
         engine_s: wall.saturating_sub(stopwatch.waited).as_secs_f64(),

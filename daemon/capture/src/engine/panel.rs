@@ -4,7 +4,7 @@
 //! pixels that see the panel, so that the object's reflectance cancels. The camera must be linear (`nacre init`
 //! measures that).
 
-use super::hands::Hands;
+use super::bench_controller::BenchController;
 use super::meter;
 use crate::failure::Failure;
 use crate::plan::State;
@@ -63,8 +63,12 @@ pub struct PanelFound {
 /// Pattern that makes a panel show the code `part` · 255 everywhere. A panel with a tone curve is asked for the
 /// luminance at this code.
 fn level(part: f64, tone: Option<&Tone>) -> Pattern {
-    let asked = tone.map_or(part, |tone| tone.luminance((255.0 * part).round() as u8));
-    Pattern::Fringes { cycles_per_mm: [0.0; 2], phase: (2.0 * asked - 1.0).clamp(-1.0, 1.0).acos() / TAU, gamma: 1.0 }
+    let luminance = tone.map_or(part, |tone| tone.luminance((255.0 * part).round() as u8));
+    Pattern::Fringes {
+        cycles_per_mm: [0.0; 2],
+        phase: (2.0 * luminance - 1.0).clamp(-1.0, 1.0).acos() / TAU,
+        gamma: 1.0,
+    }
 }
 
 /// Measures the panel at this number of levels ([`LEVELS`]); `tone` is the tone curve that it already applies. After a
@@ -74,24 +78,24 @@ fn level(part: f64, tone: Option<&Tone>) -> Pattern {
 /// Those of the devices; `Setup` if the camera sees too little of the panel, or if its signal does not grow with the
 /// code.
 pub async fn measure(
-    hands: &mut Hands<'_>,
+    controller: &mut BenchController<'_>,
     levels: usize,
     tone: Option<&Tone>,
     progress: &dyn Progress,
 ) -> Result<PanelFound, Failure> {
-    hands.prepare(false).await?;
-    hands.cover(false).await?;
+    controller.prepare(false).await?;
+    controller.cover(false).await?;
     let white =
         State { pattern: level(1.0, tone), analyser_deg: None, flash: false, covered: false, exposure_ms: None };
     progress.stage("metering", 1);
-    let camera = hands.limits().camera.clone();
-    let exposure = meter::steady(meter::one(hands, 1.0, &white, None).await?, &camera.steady_exposures_s);
-    hands.expose(exposure, 1.0).await?;
-    let eye = Eye::open(hands, tone).await?;
+    let camera = controller.limits().camera.clone();
+    let exposure = meter::steady(meter::one(controller, 1.0, &white, None).await?, &camera.steady_exposures_s);
+    controller.expose(exposure, 1.0).await?;
+    let panel_pixels = PanelPixels::open(controller, tone).await?;
     progress.stage("changes between black and white", u64::from(CHANGES));
     let (mut late_frames, mut late) = (0, Duration::ZERO);
     for change in 0..CHANGES {
-        let (frames, time) = eye.late(hands, f64::from(change % 2), tone).await?;
+        let (frames, time) = panel_pixels.late(controller, f64::from(change % 2), tone).await?;
         (late_frames, late) = (late_frames.max(frames), late.max(time));
         progress.step();
     }
@@ -99,11 +103,11 @@ pub async fn measure(
     let mut series = [vec![0.0; levels], vec![0.0; levels]];
     for k in 0..2 * levels {
         let at = if k < levels { k } else { 2 * levels - 1 - k };
-        hands.show(level(at as f64 / (levels - 1) as f64, tone)).await?;
-        series[k / levels][at] = eye.mean(hands, late_frames).await?;
+        controller.show(level(at as f64 / (levels - 1) as f64, tone)).await?;
+        series[k / levels][at] = panel_pixels.mean(controller, late_frames).await?;
         progress.step();
     }
-    hands.dark().await?;
+    controller.dark().await?;
     let [rising, falling] = series;
     let luminances: Vec<f64> = rising.iter().zip(&falling).map(|(a, b)| 0.5 * (a + b)).collect();
     let law = power_law(&luminances).ok_or_else(|| {
@@ -117,7 +121,7 @@ pub async fn measure(
         drift: rising.iter().zip(&falling).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) / white,
         luminances: luminances.iter().map(|l| l / white).collect(),
         law,
-        pixels: eye.pixels.len(),
+        pixels: panel_pixels.pixels.len(),
         exposure_ms: 1e3 * exposure.as_secs_f64(),
         changes: CHANGES,
         late_frames,
@@ -126,7 +130,7 @@ pub async fn measure(
 }
 
 /// The pixels that see the panel.
-struct Eye {
+struct PanelPixels {
     pixels: Vec<usize>,
     /// Camera code without light.
     black: f64,
@@ -134,14 +138,14 @@ struct Eye {
     ends: [f64; 2],
 }
 
-impl Eye {
+impl PanelPixels {
     /// Selects the pixels.
-    async fn open(hands: &mut Hands<'_>, tone: Option<&Tone>) -> Result<Self, Failure> {
-        let camera = hands.limits().camera.clone();
+    async fn open(controller: &mut BenchController<'_>, tone: Option<&Tone>) -> Result<Self, Failure> {
+        let camera = controller.limits().camera.clone();
         let mut frames = vec![];
         for part in [0.0, 1.0] {
-            hands.show(level(part, tone)).await?;
-            frames.push(settled(hands).await?);
+            controller.show(level(part, tone)).await?;
+            frames.push(settled(controller).await?);
         }
         let [dark, lit] = [0, 1].map(|k| &frames[k].codes);
         let top = 0.97 * f64::from(camera.white);
@@ -150,16 +154,17 @@ impl Eye {
         let brightest = usable.iter().map(|i| seen(*i)).fold(0.0, f64::max);
         let pixels: Vec<usize> =
             usable.into_iter().filter(|i| seen(*i) >= SEEN * brightest && seen(*i) > 0.0).collect();
-        let eye = Self { pixels, black: f64::from(camera.black), ends: [0.0; 2] };
-        let ends = [eye.of(&frames[0]), eye.of(&frames[1])];
-        if eye.pixels.len() < FEWEST || ends[1] - ends[0] < 0.02 * f64::from(camera.white) {
-            let got = format!("{} pixels, whose means are {:.1} and {:.1}", eye.pixels.len(), ends[0], ends[1]);
+        let panel_pixels = Self { pixels, black: f64::from(camera.black), ends: [0.0; 2] };
+        let ends = [panel_pixels.of(&frames[0]), panel_pixels.of(&frames[1])];
+        if panel_pixels.pixels.len() < FEWEST || ends[1] - ends[0] < 0.02 * f64::from(camera.white) {
+            let got =
+                format!("{} pixels, whose means are {:.1} and {:.1}", panel_pixels.pixels.len(), ends[0], ends[1]);
             let expected = format!("at least {FEWEST} pixels that see the panel");
             return Err(DeviceError::new(&camera.id, "measure the panel", expected, got)
                 .remedy("put white paper where the sample is, keep other light away, then measure again")
                 .into());
         }
-        Ok(Self { ends, ..eye })
+        Ok(Self { ends, ..panel_pixels })
     }
 
     /// Mean code above black over the pixels.
@@ -169,27 +174,32 @@ impl Eye {
     }
 
     /// Mean of several frames, after `late` frames that may show the previous pattern.
-    async fn mean(&self, hands: &mut Hands<'_>, late: u32) -> Result<f64, Failure> {
+    async fn mean(&self, controller: &mut BenchController<'_>, late: u32) -> Result<f64, Failure> {
         for _ in 0..late {
-            hands.fresh().await?;
+            controller.fresh().await?;
         }
         let mut sum = 0.0;
         for _ in 0..AVERAGED {
-            sum += self.of(&hands.fresh().await?.0);
+            sum += self.of(&controller.fresh().await?.0);
         }
         Ok(sum / f64::from(AVERAGED))
     }
 
     /// Changes the pattern; returns the number of frames after the acknowledgement that do not show it, and the end of
     /// the last of them.
-    async fn late(&self, hands: &mut Hands<'_>, part: f64, tone: Option<&Tone>) -> Result<(u32, Duration), Failure> {
+    async fn late(
+        &self,
+        controller: &mut BenchController<'_>,
+        part: f64,
+        tone: Option<&Tone>,
+    ) -> Result<(u32, Duration), Failure> {
         let goal = self.ends[usize::from(part > 0.5)];
         let width = THERE * (self.ends[1] - self.ends[0]);
-        hands.show(level(part, tone)).await?;
-        let Freshness { steady_since, .. } = hands.freshness();
+        controller.show(level(part, tone)).await?;
+        let Freshness { steady_since, .. } = controller.freshness();
         let (mut late, mut until, mut since) = (0, Duration::ZERO, 0);
         for taken in 1..=WATCHED {
-            let (frame, _) = hands.fresh().await?;
+            let (frame, _) = controller.fresh().await?;
             if (self.of(&frame) - goal).abs() > width {
                 (late, until, since) = (taken, frame.stamp.timestamp.saturating_sub(steady_since), 0);
             } else {
@@ -200,16 +210,16 @@ impl Eye {
             }
         }
         let got = format!("another one in frame {late} after the change");
-        Err(DeviceError::new(&hands.limits().display.id, "show black or white", "a steady level", got)
+        Err(DeviceError::new(&controller.limits().display.id, "show black or white", "a steady level", got)
             .remedy("keep other light away and switch off what changes the panel's brightness by itself")
             .into())
     }
 }
 
 /// A frame long after the last change: the last of several, so that delayed ones are skipped.
-async fn settled(hands: &mut Hands<'_>) -> Result<Frame, Failure> {
+async fn settled(controller: &mut BenchController<'_>) -> Result<Frame, Failure> {
     for _ in 0..WATCHED {
-        hands.fresh().await?;
+        controller.fresh().await?;
     }
-    Ok(hands.fresh().await?.0)
+    Ok(controller.fresh().await?.0)
 }

@@ -3,8 +3,8 @@
 use crate::plan::{Added, MORE, UntilDecided, UntilSigma};
 use crate::session::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 use nacre_base::{Error, Result};
-use nacre_periods::spots::Survey;
-use nacre_polarimetry::{HOPELESS, Precision, Running};
+use nacre_periods::fringes::Survey;
+use nacre_polarimetry::{Precision, Running, UNREACHABLE_FACTOR};
 
 /// Continuation of a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,8 +95,8 @@ fn ending(so_far: &SigmaSoFar, certain: bool) -> Option<Ending> {
     if so_far.angles >= so_far.at_most as usize {
         return Some(Ending::AtMost);
     }
-    let hopeless = so_far.least_deg.is_none_or(|least| least > HOPELESS * wanted);
-    (certain && hopeless).then_some(Ending::Cannot)
+    let unreachable = so_far.least_deg.is_none_or(|least| least > UNREACHABLE_FACTOR * wanted);
+    (certain && unreachable).then_some(Ending::Cannot)
 }
 
 /// Best whole-degree angle within range of the stage, other than its present one, so that a repetition is approached

@@ -132,13 +132,13 @@ pub fn run(open: impl Fn() -> DeviceResult<Box<dyn Flash>>) -> DeviceResult<()> 
 fn listen(tell: &Sender<Event>) {
     // An invalid request ends the guardian, too, because its sender cannot be trusted with the light.
     for line in std::io::stdin().lines().map_while(Result::ok) {
-        let told = match serde_json::from_str(&line) {
+        let delivered = match serde_json::from_str(&line) {
             Ok(Ask::End) => tell.send(Event::End).is_ok(),
             Ok(Ask::Beat) => tell.send(Event::Asked(Ask::Beat)).is_ok() && say(&Ok(Answer::Alive)).is_ok(),
             Ok(ask) => tell.send(Event::Asked(ask)).is_ok(),
             Err(_) => false,
         };
-        if !told {
+        if !delivered {
             break;
         }
     }

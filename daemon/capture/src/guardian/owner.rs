@@ -134,7 +134,7 @@ fn limit(guarded: &Guarded) -> Duration {
 }
 
 /// A request, and the channel for its answer.
-type Asked = (Ask, Sender<DeviceResult<Answer>>);
+type Request = (Ask, Sender<DeviceResult<Answer>>);
 
 /// Forwards requests, and replaces a lost guardian.
 struct Supervisor {
@@ -150,7 +150,7 @@ struct Supervisor {
 
 impl Supervisor {
     /// Forwards requests until their sender is dropped, then ends the guardian.
-    fn serve(mut self, asks: &Receiver<Asked>) {
+    fn serve(mut self, asks: &Receiver<Request>) {
         loop {
             // In the dark, a lost guardian is replaced on the next request.
             let pause = if self.lit { BEAT } else { Duration::from_secs(3600) };
@@ -238,7 +238,7 @@ fn lost(command: &str, got: &str) -> DeviceError {
 /// A flash controlled through its guardian.
 pub struct GuardedFlash {
     /// Dropping the sender ends the supervisor.
-    asks: Option<Sender<Asked>>,
+    asks: Option<Sender<Request>>,
     supervisor: Option<JoinHandle<()>>,
     info: FlashInfo,
     /// Clock for a device of this machine, whose guardian knows only the system's clock.
@@ -254,16 +254,16 @@ impl GuardedFlash {
         let (guardian, info) = Guardian::start(guarded)?;
         let limit = limit(guarded) + Duration::from_secs_f64(info.settling_s.clamp(0.0, 1e6));
         let supervisor = Supervisor { guarded: guarded.clone(), guardian, limit, lit: false, lost: None };
-        let (asks, asked) = mpsc::channel();
-        let supervisor = std::thread::spawn(move || supervisor.serve(&asked));
+        let (asks, requests) = mpsc::channel();
+        let supervisor = std::thread::spawn(move || supervisor.serve(&requests));
         let clock = matches!(guarded, Guarded::Device(_)).then_some(clock);
         Ok(Self { asks: Some(asks), supervisor: Some(supervisor), info, clock })
     }
 
     fn ask(&self, ask: Ask) -> DeviceResult<Answer> {
-        let (tell, told) = mpsc::channel();
-        let sent = self.asks.as_ref().is_some_and(|asks| asks.send((ask, tell)).is_ok());
-        let answer = if sent { told.recv().ok() } else { None };
+        let (reply, replies) = mpsc::channel();
+        let sent = self.asks.as_ref().is_some_and(|asks| asks.send((ask, reply)).is_ok());
+        let answer = if sent { replies.recv().ok() } else { None };
         answer.unwrap_or_else(|| Err(lost("carry out a request", "the end of its supervisor").class(Class::Lost)))
     }
 }

@@ -375,8 +375,8 @@ fn own_signs(before: &[&str], zeros: &[bool]) -> Option<Vec<bool>> {
         !b.contains(MINUS) && !words.any(|w| SIGNS.contains(&(w, true)) || SENSES.contains(&w))
     };
     let dashes = before.iter().filter(|b| b.trim_end_matches(['_', ' ']).ends_with('-')).count();
-    let told = dashes == 0 || before.iter().all(|b| separated(b));
-    (told && before.iter().all(clean)).then(|| vec![false; before.len()])
+    let unambiguous = dashes == 0 || before.iter().all(|b| separated(b));
+    (unambiguous && before.iter().all(clean)).then(|| vec![false; before.len()])
 }
 
 #[cfg(test)]

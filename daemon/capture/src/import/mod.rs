@@ -127,9 +127,10 @@ fn stated_transfer(folder: &Path, files: &[PathBuf]) -> Result<(Transfer, String
         match &stated {
             None => stated = Some((file, transfer, encoding.source)),
             Some((first, wanted, source)) if *wanted != transfer => {
-                let said =
+                let declared =
                     [(*wanted, source), (transfer, &encoding.source)].map(|(t, s)| format!("{} ({s})", t.option()));
-                let problem = format!("states transfer {}, but {} states {}", said[1], first.display(), said[0]);
+                let problem =
+                    format!("states transfer {}, but {} states {}", declared[1], first.display(), declared[0]);
                 return Err(Error::file(&folder.join(file), problem, "give --transfer for all of them"));
             }
             Some(_) => {}

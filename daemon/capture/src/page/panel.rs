@@ -38,12 +38,12 @@ impl Display for PagePanel {
     }
 
     async fn show(&mut self, pattern: Pattern) -> DeviceResult<Shown> {
-        let asked = match pattern {
+        let requested = match pattern {
             Pattern::Black => PagePattern::Black {},
             Pattern::Disc { center_mm, diameter_mm } => PagePattern::Disc { center_mm, diameter_mm },
             Pattern::Fringes { cycles_per_mm, phase, gamma } => PagePattern::Fringes { cycles_per_mm, phase, gamma },
         };
-        self.link.show(asked).await.map_err(|why| self.not_shown("show a pattern", why))?;
+        self.link.show(requested).await.map_err(|why| self.not_shown("show a pattern", why))?;
         Ok(Shown { since: self.clock.now() + self.response, pattern })
     }
 

@@ -3,7 +3,7 @@
 use super::{Limits, Plan};
 use crate::setup::Setup;
 use nacre_drivers::Pattern;
-use nacre_periods::spots::{
+use nacre_periods::fringes::{
     LEAST_FRINGES, MAX_CARRIERS, Optics, Prediction, Request, Setting, cheapest, frequencies, predict, reachable,
 };
 use nacre_polarimetry::NoiseModel;
@@ -82,7 +82,7 @@ const FIRST: u32 = LEAST_FRINGES as u32;
 pub(crate) const MORE: u32 = 2;
 
 /// Maximum number of patterns of an automatically chosen series.
-const MOST_PATTERNS: usize = 64;
+const MAX_PATTERNS: usize = 64;
 
 /// Phases of uniform light: white, one half, and one quarter.
 pub(super) const EVEN: [f64; 3] = [0.0, 0.25, 1.0 / 3.0];
@@ -152,7 +152,7 @@ impl FringesPlan {
         let undecided = self.until_undecided?;
         let start = self.count.unwrap_or(FIRST);
         // Two further frames: dark and black panel.
-        let fit = (MOST_PATTERNS - 2 - EVEN.len()) as u32 / self.phases.max(1);
+        let fit = (MAX_PATTERNS - 2 - EVEN.len()) as u32 / self.phases.max(1);
         let at_most = self.at_most.unwrap_or(fit.min(MAX_CARRIERS as u32).max(start));
         Some(UntilDecided { start, undecided, at_most, phases: self.phases, period_sigma: self.period_sigma })
     }
@@ -221,7 +221,7 @@ impl FringesPlan {
             period: self.period_sigma,
             orientation_deg: self.orientation_sigma_deg,
             longest_um: self.longest_um,
-            at_most: MOST_PATTERNS,
+            at_most: MAX_PATTERNS,
         }
     }
 }
@@ -302,8 +302,8 @@ mod tests {
         }
         let none = toml::from_str::<Plan>("kind = \"spots\"\nspots = {}").unwrap();
         assert!(none.check_values().unwrap_err().contains("centers_mm"));
-        let asked = "kind = \"spots\"\nspots = { centers_mm = [[0, 0]] }\nreconstruct = { method = \"spots\" }";
-        assert!(toml::from_str::<Plan>(asked).unwrap().check_values().unwrap_err().contains("method is spots"));
+        let source = "kind = \"spots\"\nspots = { centers_mm = [[0, 0]] }\nreconstruct = { method = \"spots\" }";
+        assert!(toml::from_str::<Plan>(source).unwrap().check_values().unwrap_err().contains("method is spots"));
     }
 
     /// A panel of 52 × 32 cm at 25 cm, with the camera overhead, reaches 1.2 µm in all directions, and 0.8 µm (at 44°)

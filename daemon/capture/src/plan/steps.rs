@@ -302,7 +302,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn spots_flashes_and_free_steps_say_what_shines() {
+    fn spots_flashes_and_free_steps_state_their_light() {
         let spots = plan("kind = \"spots\"\nspots = { centers_mm = [[0, 0], [50, -20]], diameter_mm = 10 }");
         let pattern = Pattern::Disc { center_mm: [50.0, -20.0], diameter_mm: 10.0 };
         assert_eq!(spots.steps()[1].state.pattern, pattern);

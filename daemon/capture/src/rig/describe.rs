@@ -124,7 +124,7 @@ mod tests {
     use nacre_sim::BenchConfig;
 
     #[test]
-    fn limits_are_what_the_open_bench_says() {
+    fn limits_equal_those_of_the_open_bench() {
         let mut config = BenchConfig::default();
         (config.camera.width, config.camera.height) = (16, 16);
         let mounting = "zero_deg = 90, sense = \"clockwise\", gear = 2, approach_deg = 1, limits_deg = [-100, 100]";

@@ -285,7 +285,7 @@ impl Journal {
     }
 
     /// Analyser angle in degrees at the first frame that records it.
-    pub fn stood(&self) -> Option<f64> {
+    pub fn fixed_analyser_deg(&self) -> Option<f64> {
         self.commits().find_map(|c| c.analyser_deg)
     }
 
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn what_could_not_be_read_again_is_not_written() {
+    fn unreadable_entries_are_not_written() {
         let mut journal = Journal::default();
         let commit = Commit { analyser_deg: Some(f64::NAN), ..Commit::default() };
         assert!(journal.line(Entry::Committed(commit)).is_err());

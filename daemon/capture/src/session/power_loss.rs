@@ -223,8 +223,8 @@ fn any_prefix_of_the_disk_operations_can_be_resumed_after_power_loss() {
                 std::fs::write(copy.join(path.strip_prefix(&folder).unwrap()), bytes).unwrap();
             }
             let before = check(&copy).unwrap();
-            let told = |p: &str| p.contains("not taken yet") || p.contains("does not record it");
-            assert!(before.trouble.iter().all(|t| told(&t.problem)), "{before:?}");
+            let expected = |p: &str| p.contains("not taken yet") || p.contains("does not record it");
+            assert!(before.trouble.iter().all(|t| expected(&t.problem)), "{before:?}");
             let mut session = Session::open(RealDisk, &copy).unwrap();
             complete(&mut session).unwrap();
             let after = check(&copy).unwrap();

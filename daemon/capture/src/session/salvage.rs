@@ -258,7 +258,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gaps_and_wrong_numbers_are_told_apart() {
+    fn gaps_and_wrong_numbers_are_distinguished() {
         for (numbers, expected) in [
             (&[0, 1, 2, 3][..], (0, 0)),
             (&[1, 2, 3], (1, 0)),

@@ -250,7 +250,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_device_has_one_lock_by_whatever_name() {
+    fn a_device_has_one_lock_under_all_its_names() {
         let folder = tempfile::tempdir().unwrap();
         let link = folder.path().join("stage");
         std::os::unix::fs::symlink("/dev/null", &link).unwrap();
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_shapes_the_frames_makes_another_bench() {
+    fn only_settings_that_affect_frames_make_another_bench() {
         let section = |text: &str| toml::from_str::<BenchSection>(text).unwrap();
         let text = "
             socket = \"/run/a\"
@@ -308,13 +308,13 @@ mod tests {
             ("distance_mm = 600", "distance_mm = 601", "bench.optics.distance_mm"),
             ("distance_mm = 600", "", "bench.optics"),
         ] {
-            let told = original.differs(&section(&text.replace(old, new))).unwrap();
-            assert!(told.starts_with(key), "{told}");
+            let mismatch = original.differs(&section(&text.replace(old, new))).unwrap();
+            assert!(mismatch.starts_with(key), "{mismatch}");
         }
     }
 
     #[test]
-    fn what_does_not_fit_together_is_refused() {
+    fn inconsistent_settings_are_refused() {
         let read = |text: &str| toml::from_str::<BenchSection>(text).map_err(|e| e.to_string()).and_then(|s| s.check());
         assert_eq!(read("sim = true\nstage = { driver = { kind = \"hand\" } }"), Ok(()));
         for (text, words) in [

@@ -3,7 +3,7 @@
 use crate::console::Console;
 use nacre_base::Error;
 use nacre_capture::Failure;
-use nacre_studies::{Charted, Effort, Look, Picture, Plan, Request, Study, Width, chart, gpu, polarimetry};
+use nacre_studies::{ChartFormat, Charted, Effort, Picture, Plan, Request, Study, Width, chart, gpu, polarimetry};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
@@ -90,8 +90,8 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         return Err(Error::input("--out", "is missing", "name a folder").into());
     };
     let plan = Plan { seed: args.seed, runs, effort, version: version() };
-    let look = Look { titles: !args.no_titles, width: args.width };
-    let request = Request { out, force: args.force, plan, look, studies: &studies, pictures: &pictures };
+    let format = ChartFormat { titles: !args.no_titles, width: args.width };
+    let request = Request { out, force: args.force, plan, format, studies: &studies, pictures: &pictures };
     let charted = chart(&request, console)?;
     let drawn: Vec<&str> = studies.iter().map(|s| s.name).chain(pictures.iter().map(|p| p.name)).collect();
     console.result(&summary(&charted, &drawn, out), &charted);

@@ -5,7 +5,7 @@ use crate::console::Console;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
-use nacre_capture::engine::Hands;
+use nacre_capture::engine::BenchController;
 use nacre_capture::rig::{Rig, Uses, runtime};
 use nacre_capture::setup::BenchSection;
 use nacre_drivers::camera::{CameraConfig, CameraDriver, measure};
@@ -150,10 +150,10 @@ fn read<T: DeserializeOwned>(what: &str, driver: &str) -> Result<T, Error> {
 fn simulated(section: &BenchSection, console: &Console) -> Result<Trial, Failure> {
     let runtime = runtime()?;
     let mut rig = Rig::open(&runtime, &place(section, true)?, Uses::SESSION, console, &console.interrupted())?;
-    let mut hands = Hands::new(&mut rig.devices);
+    let mut controller = BenchController::new(&mut rig.devices);
     let (frame, _) = runtime.block_on(async {
-        hands.expose(EXPOSURE, 1.0).await?;
-        hands.fresh().await
+        controller.expose(EXPOSURE, 1.0).await?;
+        controller.fresh().await
     })?;
     Ok(Trial { ids: rig.ids.clone(), frame: Some(frame), notes: vec![] })
 }

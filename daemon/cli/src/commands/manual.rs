@@ -7,7 +7,7 @@ use clap::Subcommand;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
-use nacre_capture::engine::{Control, Hands, Input, guarded};
+use nacre_capture::engine::{BenchController, Control, Input, guarded};
 use nacre_capture::guardian::Guarded;
 use nacre_capture::rig::{Place, Rig, Use, Uses, runtime};
 use nacre_drivers::stage::StageDriver;
@@ -139,15 +139,15 @@ fn pattern(text: &str) -> Result<Pattern, String> {
 }
 
 /// Opens the devices in `uses`, runs `work` while the interlocks hold, and leaves their light off.
-pub(super) fn with_hands<T>(
+pub(super) fn with_controller<T>(
     place: &Place,
     uses: Uses,
     console: &Console,
-    work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>,
+    work: impl AsyncFnOnce(&mut BenchController<'_>) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let (runtime, control) = (runtime()?, Control::default());
     let mut rig = Rig::open(&runtime, place, uses, console, &console.interrupted())?;
-    let mut hands = Hands::new(&mut rig.devices);
+    let mut controller = BenchController::new(&mut rig.devices);
     let _ = control.send(Input::Start);
     runtime.block_on(async {
         let interrupted = async {
@@ -159,9 +159,9 @@ pub(super) fn with_hands<T>(
         let result = tokio::select! {
             biased;
             stopped = interrupted => stopped,
-            result = guarded(&rig.watch, &control, work(&mut hands)) => result,
+            result = guarded(&rig.watch, &control, work(&mut controller)) => result,
         };
-        let dark = hands.dark().await;
+        let dark = controller.dark().await;
         let value = result?;
         dark?;
         Ok(value)
@@ -175,23 +175,28 @@ pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
         Stage::Move { bench, .. } | Stage::Home(bench) | Stage::Where(bench) => bench,
     };
     let uses = Uses { stage: Use::Always, ..Uses::NONE };
-    let angle = with_hands(&bench.place()?, uses, console, async |hands| {
+    let angle = with_controller(&bench.place()?, uses, console, async |controller| {
         match command {
             Stage::Move { angle_deg, .. } => {
-                let [low, high] = hands.limits().stage.limits_deg;
+                let [low, high] = controller.limits().stage.limits_deg;
                 if !(low..=high).contains(angle_deg) {
                     let expected = format!("an angle from {low}° to {high}°");
-                    return Err(DeviceError::new(&hands.limits().stage.id, "move", expected, format!("{angle_deg}°"))
-                        .class(nacre_drivers::Class::Setup)
-                        .into());
+                    return Err(DeviceError::new(
+                        &controller.limits().stage.id,
+                        "move",
+                        expected,
+                        format!("{angle_deg}°"),
+                    )
+                    .class(nacre_drivers::Class::Setup)
+                    .into());
                 }
-                hands.find().await?;
-                hands.turn(*angle_deg).await?;
+                controller.find().await?;
+                controller.turn(*angle_deg).await?;
             }
-            Stage::Home(_) => hands.prepare(true).await?,
+            Stage::Home(_) => controller.prepare(true).await?,
             _ => {}
         }
-        Ok(hands.position().await?)
+        Ok(controller.position().await?)
     })?;
     console.result(&format!("the analyser stands at {angle:.3}°"), &serde_json::json!({ "analyser_deg": angle }));
     Ok(())
@@ -253,8 +258,8 @@ pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
         display: used(pattern.is_some()),
         flash: used(args.flash),
     };
-    let (frame, dropped, white) = with_hands(&place, uses, console, async |hands| {
-        let camera = hands.limits().camera.clone();
+    let (frame, dropped, white) = with_controller(&place, uses, console, async |controller| {
+        let camera = controller.limits().camera.clone();
         let seconds = args.exposure_ms / 1000.0;
         if !(camera.exposure_s[0]..=camera.exposure_s[1]).contains(&seconds)
             || !(camera.gain[0]..=camera.gain[1]).contains(&args.gain)
@@ -268,21 +273,21 @@ pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
             );
             return Err(DeviceError::new(&camera.id, "expose", expected, got).remedy("choose others").into());
         }
-        hands.expose(Duration::from_secs_f64(seconds), args.gain).await?;
-        hands.cover(false).await?;
+        controller.expose(Duration::from_secs_f64(seconds), args.gain).await?;
+        controller.cover(false).await?;
         if let Some(pattern) = pattern {
-            hands.show(pattern).await?;
+            controller.show(pattern).await?;
         }
         if let Some(angle) = args.analyser_deg {
-            hands.find().await?;
-            hands.turn(angle).await?;
+            controller.find().await?;
+            controller.turn(angle).await?;
         }
         if args.flash {
-            hands.switch(true).await?;
+            controller.switch(true).await?;
         }
-        let (frame, dropped) = hands.fresh().await?;
+        let (frame, dropped) = controller.fresh().await?;
         if args.flash {
-            hands.flash_still_on().await?;
+            controller.flash_still_on().await?;
         }
         Ok((frame, dropped, camera.white))
     })?;
@@ -307,17 +312,17 @@ pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
 pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
     let (FlashCommand::On { bench, .. } | FlashCommand::Off(bench) | FlashCommand::Test(bench)) = command;
     let uses = Uses { flash: Use::Always, ..Uses::NONE };
-    let text = with_hands(&bench.place()?, uses, console, async |hands| {
-        let longest = hands.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
+    let text = with_controller(&bench.place()?, uses, console, async |controller| {
+        let longest = controller.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
         match command {
             FlashCommand::Off(_) => {
-                hands.switch(false).await?;
+                controller.switch(false).await?;
                 Ok("the flash is off".to_owned())
             }
             FlashCommand::Test(_) => {
                 for on in [false, true, false] {
-                    hands.switch(on).await?;
-                    if hands.is_lit().await? != on {
+                    controller.switch(on).await?;
+                    if controller.is_lit().await? != on {
                         let (expected, got) = if on { ("on", "off") } else { ("off", "on") };
                         return Err(DeviceError::new("flash", "report its state", expected, got).into());
                     }
@@ -330,13 +335,13 @@ pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
                     let problem = format!("--seconds is {wanted}, but the flash may be on for up to {longest} s");
                     return Err(Error::input("flash", problem, "choose a shorter time").into());
                 }
-                hands.switch(true).await?;
+                controller.switch(true).await?;
                 console.note(&format!("the flash is on for {wanted} s; Ctrl-C ends it"));
                 // Slightly below the maximum on time, so that this command ends the light before the flash's own limit
                 // does.
                 hold(console, wanted.min(longest - 0.1).max(0.0)).await;
-                hands.flash_still_on().await?;
-                hands.switch(false).await?;
+                controller.flash_still_on().await?;
+                controller.switch(false).await?;
                 Ok("the flash is off again".to_owned())
             }
         }
@@ -348,8 +353,8 @@ pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
 /// Shows a pattern until Ctrl-C or the time limit.
 pub fn show(args: &Show, console: &Console) -> Result<(), Failure> {
     let uses = Uses { display: Use::Always, ..Uses::NONE };
-    with_hands(&args.bench.place()?, uses, console, async |hands| {
-        let size = hands.limits().display.size_mm;
+    with_controller(&args.bench.place()?, uses, console, async |controller| {
+        let size = controller.limits().display.size_mm;
         let reach = args.pattern.reach_mm();
         if reach.iter().zip(size).any(|(r, s)| *r > 0.5 * s) {
             let problem = format!(
@@ -358,7 +363,7 @@ pub fn show(args: &Show, console: &Console) -> Result<(), Failure> {
             );
             return Err(Error::input("pattern", problem, "choose a smaller one").into());
         }
-        hands.show(args.pattern).await?;
+        controller.show(args.pattern).await?;
         if args.pattern != Pattern::Black {
             console.note("the pattern is shown; Ctrl-C ends it");
             hold(console, args.seconds.unwrap_or(f64::INFINITY)).await;

@@ -3,7 +3,9 @@
 use super::{Common, Job, locked};
 use nacre_base::progress::{Progress, Silent};
 use nacre_capture::Failure;
-use nacre_capture::engine::{Control, Hands, Input, Memory, PanelFound, Watch, drawn_by, guarded, measure_panel};
+use nacre_capture::engine::{
+    BenchController, Control, Input, Memory, PanelFound, Watch, drawn_by, guarded, measure_panel,
+};
 use nacre_capture::rig::{Place, Rig, Uses, runtime};
 use nacre_drivers::display::DisplayConfig;
 use nacre_drivers::{DeviceResult, Freshness, Pattern};
@@ -123,7 +125,7 @@ impl Owner {
     }
 
     fn flash_reports_on(&mut self) -> bool {
-        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
+        let mut hands = BenchController::with(&mut self.rig.devices, self.memory);
         self.runtime.block_on(hands.is_lit()) == Ok(true)
     }
 
@@ -131,7 +133,7 @@ impl Owner {
     fn steered<T>(
         &mut self,
         watched: bool,
-        work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>,
+        work: impl AsyncFnOnce(&mut BenchController<'_>) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
         let control = Arc::new(Control::default());
         let _ = control.send(Input::Start);
@@ -140,7 +142,7 @@ impl Owner {
         if self.shared.stops.load(Ordering::SeqCst) != self.asked {
             let _ = control.send(Input::Abort);
         }
-        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
+        let mut hands = BenchController::with(&mut self.rig.devices, self.memory);
         let unwatched = Watch::default();
         let watch = if watched { &self.rig.watch } else { &unwatched };
         let result = self.runtime.block_on(async {
@@ -153,7 +155,10 @@ impl Owner {
     }
 
     /// Runs a manual operation; a failure switches the light off.
-    fn manual<T>(&mut self, work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
+    fn manual<T>(
+        &mut self,
+        work: impl AsyncFnOnce(&mut BenchController<'_>) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
         let result = self.steered(true, work);
         self.newest = None;
         if result.is_err() {
@@ -163,8 +168,8 @@ impl Owner {
     }
 
     /// Switches a device off, whatever interlocks and STOP say.
-    fn off(&mut self, work: impl AsyncFnOnce(&mut Hands<'_>) -> DeviceResult<()>) -> Result<(), Failure> {
-        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
+    fn off(&mut self, work: impl AsyncFnOnce(&mut BenchController<'_>) -> DeviceResult<()>) -> Result<(), Failure> {
+        let mut hands = BenchController::with(&mut self.rig.devices, self.memory);
         let result = self.runtime.block_on(work(&mut hands));
         (self.memory, self.newest) = (hands.memory, None);
         Ok(result?)
@@ -245,7 +250,7 @@ impl Owner {
         control: &Control,
         progress: &dyn Progress,
     ) -> Result<PanelFound, Failure> {
-        let mut hands = Hands::new(&mut self.rig.devices);
+        let mut hands = BenchController::new(&mut self.rig.devices);
         let watch = &self.rig.watch;
         let found = self.runtime.block_on(async {
             watch.begin_again().await;

@@ -91,10 +91,10 @@ fn query(device: &Device, id: u32) -> io::Result<v4l2_query_ext_ctrl> {
     // SAFETY: the structure is plain data for which zeros are valid, and it lives through the call. It is the one that
     // this request reads and writes. The descriptor belongs to `device`.
     unsafe {
-        let mut asked = v4l2_query_ext_ctrl { id, ..std::mem::zeroed() };
+        let mut control_query = v4l2_query_ext_ctrl { id, ..std::mem::zeroed() };
         let request = v4l::v4l2::vidioc::VIDIOC_QUERY_EXT_CTRL;
-        v4l::v4l2::ioctl(device.handle().fd(), request, (&raw mut asked).cast())?;
-        Ok(asked)
+        v4l::v4l2::ioctl(device.handle().fd(), request, (&raw mut control_query).cast())?;
+        Ok(control_query)
     }
 }
 

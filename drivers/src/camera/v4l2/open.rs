@@ -95,7 +95,7 @@ fn choose_format(node: &mut dyn Node, id: &str, settings: &Settings) -> DeviceRe
     };
     let got = node.set_format(wanted.fourcc, size).map_err(failed)?;
     let named = |fourcc: [u8; 4], [w, h]: [u32; 2]| format!("{} of {w} × {h}", String::from_utf8_lossy(&fourcc));
-    let another = settings.size.is_some_and(|asked| asked != got.size);
+    let another = settings.size.is_some_and(|requested| requested != got.size);
     if got.fourcc != wanted.fourcc || another {
         let remedy = "choose a format and size that the camera offers";
         return Err(setup(id, named(wanted.fourcc, size), named(got.fourcc, got.size)).remedy(remedy));

@@ -288,7 +288,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_packed_is_unpacked(
+        fn packed_pixels_are_unpacked(
             index in 0usize..33, width in 1usize..20, height in 1usize..6, gap in 0usize..9, seed: u64,
         ) {
             let format = FORMATS[index];

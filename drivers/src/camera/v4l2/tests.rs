@@ -51,7 +51,7 @@ fn automatic_controls_go_first_and_manual_values_are_read_back() {
 }
 
 #[test]
-fn what_the_camera_clamps_is_reported() {
+fn clamped_settings_are_reported() {
     let node = FakeNode::new();
     node.state().clamps.extend([(EXPOSURE, 50), (0x0098_0910, 90)]);
     let mut camera = open(&node);
@@ -171,7 +171,7 @@ fn a_camera_that_hangs_and_cannot_be_reset_is_started_again() {
 
 #[test]
 fn cameras_that_cannot_be_used_say_why() {
-    let said = |change: &dyn Fn(&FakeNode), settings: Settings| {
+    let refusal = |change: &dyn Fn(&FakeNode), settings: Settings| {
         let node = FakeNode::new();
         change(&node);
         let error = open_with(&node, settings).err().unwrap();
@@ -179,13 +179,13 @@ fn cameras_that_cannot_be_used_say_why() {
         error.to_string()
     };
     let same = |_: &FakeNode| {};
-    assert!(said(&|n| n.state().formats.clear(), settings()).contains("video-index0"));
-    assert!(said(&|n| n.state().formats = vec![*b"H264"], settings()).contains("only H264"));
-    assert!(said(&|n| n.state().controls.retain(|id, _| *id != EXPOSURE), settings()).contains("exposure_ms"));
-    assert!(said(&same, Settings { format: Some("Y16".into()), ..settings() }).contains("only MJPG, GREY, YUYV"));
-    assert!(said(&same, Settings { size: Some([4, 4]), ..settings() }).contains("8 × 4"));
-    assert!(said(&same, Settings { fps: Some(f64::NAN), ..settings() }).contains("fps is NaN"));
-    assert!(said(&same, Settings::new("video0")).contains("give a path"));
+    assert!(refusal(&|n| n.state().formats.clear(), settings()).contains("video-index0"));
+    assert!(refusal(&|n| n.state().formats = vec![*b"H264"], settings()).contains("only H264"));
+    assert!(refusal(&|n| n.state().controls.retain(|id, _| *id != EXPOSURE), settings()).contains("exposure_ms"));
+    assert!(refusal(&same, Settings { format: Some("Y16".into()), ..settings() }).contains("only MJPG, GREY, YUYV"));
+    assert!(refusal(&same, Settings { size: Some([4, 4]), ..settings() }).contains("8 × 4"));
+    assert!(refusal(&same, Settings { fps: Some(f64::NAN), ..settings() }).contains("fps is NaN"));
+    assert!(refusal(&same, Settings::new("video0")).contains("give a path"));
 }
 
 #[test]
@@ -217,7 +217,7 @@ fn frame_rate_and_format_are_as_wished() {
 }
 
 #[test]
-fn settings_are_read_and_what_is_wrong_with_them_is_said() {
+fn settings_are_read_and_defects_are_named() {
     let text = r#"{"driver": {"kind": "v4l2", "device": "/dev/video0", "gain": {"unity": 16.0}, "fps": 5.0}}"#;
     let config: crate::camera::CameraConfig = serde_json::from_str(text).unwrap();
     let crate::camera::CameraDriver::V4l2(settings) = config.driver else { panic!() };

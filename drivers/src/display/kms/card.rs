@@ -57,9 +57,9 @@ pub(super) fn open(settings: &Settings) -> DeviceResult<(Output, String)> {
         .ok_or_else(|| setup(name, "a panel with a resolution", "none").remedy("plug the panel in and switch it on"))?;
     let crtc = free_crtc(&card, &connector).map_err(failed)?;
     let panel = read_edid(&path, name);
-    let told = panel.as_ref().and_then(|e| e.size_mm);
+    let from_edid = panel.as_ref().and_then(|e| e.size_mm);
     let from_kernel = connector.size().map(|(w, h)| [f64::from(w), f64::from(h)]).filter(|s| s[0] > 0.0 && s[1] > 0.0);
-    let Some(size_mm) = settings.size_mm.or(told).or(from_kernel) else {
+    let Some(size_mm) = settings.size_mm.or(from_edid).or(from_kernel) else {
         let error = setup(name, "a panel that tells its size", "one that does not");
         return Err(error.remedy("measure the picture and give its width and height as `size_mm`"));
     };

@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_on_the_panel_is_refused() {
+    fn patterns_off_the_panel_are_refused() {
         for pattern in [disc(0.0, 100.0, 41.0), disc(150.0, 0.0, 30.0), disc(0.0, 0.0, -1.0), disc(f64::NAN, 0.0, 1.0)]
         {
             assert!(draw(&pattern, &PANEL, &Tone::default()).is_err(), "{pattern:?}");

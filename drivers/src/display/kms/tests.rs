@@ -74,7 +74,7 @@ fn a_pattern_is_acknowledged_when_it_can_be_seen_and_the_panel_is_black_before_a
 }
 
 #[test]
-fn what_is_not_shown_is_not_acknowledged() {
+fn failed_patterns_are_not_acknowledged() {
     let (mut panel, state, _) = panel();
     state.lock().unwrap().meddle = true;
     assert_eq!(show(&mut panel, DISC).unwrap_err().class, Class::Retry);
@@ -85,7 +85,7 @@ fn what_is_not_shown_is_not_acknowledged() {
 }
 
 #[test]
-fn errors_say_what_to_do() {
+fn errors_contain_a_remedy() {
     let (mut panel, state, _) = panel();
     for (kind, class, word) in [
         (io::ErrorKind::PermissionDenied, Class::Setup, "/display"),

@@ -75,7 +75,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn luminance_is_linear_in_what_is_asked_for() {
+    fn luminance_is_linear_in_the_requested_value() {
         let measured = Tone::Measured((0..=17).map(|i| 0.3 + 250.0 * (f64::from(i) / 17.0).powf(2.4)).collect());
         for tone in [Tone::Gamma(2.2), Tone::Gamma(1.0), measured] {
             tone.check().unwrap();

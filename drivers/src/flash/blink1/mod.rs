@@ -88,7 +88,7 @@ struct Blink1 {
 impl Blink1 {
     /// Checks that the lamp can report its colour, and erases its stored pattern.
     fn prepare(&mut self) -> DeviceResult<()> {
-        let [major, minor] = self.ask(protocol::ask_version(), protocol::version, "its version")?;
+        let [major, minor] = self.query(protocol::ask_version(), protocol::version, "its version")?;
         if major < 2 {
             return Err(DeviceError::new(&self.id, "report its version", "2.0 or newer", format!("{major}.{minor}"))
                 .remedy("use a blink(1) mk2 or newer: this one cannot tell whether it is on")
@@ -98,7 +98,7 @@ impl Blink1 {
         (0..protocol::PATTERN_LINES).try_for_each(|line| self.reports.set_feature(&protocol::black_line(line)))
     }
 
-    fn ask<T>(&mut self, question: protocol::Report, read: fn(&[u8]) -> Option<T>, what: &str) -> DeviceResult<T> {
+    fn query<T>(&mut self, question: protocol::Report, read: fn(&[u8]) -> Option<T>, what: &str) -> DeviceResult<T> {
         self.reports.set_feature(&question)?;
         let mut report = [0; protocol::LENGTH + 1];
         let length = self.reports.feature(protocol::REPORT, &mut report)?;
@@ -128,6 +128,6 @@ impl Lamp for Blink1 {
     }
 
     fn state(&mut self) -> DeviceResult<bool> {
-        Ok(self.ask(protocol::ask_colour(), protocol::colour, "its colour")? != BLACK)
+        Ok(self.query(protocol::ask_colour(), protocol::colour, "its colour")? != BLACK)
     }
 }

@@ -101,8 +101,8 @@ mod tests {
         #[test]
         fn times_are_never_shorter_than_asked(ms in 0u64..655_350) {
             let report = watch(ms);
-            let told = u64::from(u16::from_be_bytes([report[3], report[4]])) * 10;
-            prop_assert!(told >= ms && told <= ms + 10);
+            let reported = u64::from(u16::from_be_bytes([report[3], report[4]])) * 10;
+            prop_assert!(reported >= ms && reported <= ms + 10);
         }
 
         #[test]

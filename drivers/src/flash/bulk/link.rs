@@ -1,9 +1,9 @@
-//! Bulk transfers, over libusb or over the socket of an emulated device (see [`seam`](crate::seam)).
+//! Bulk transfers, over libusb or over the socket of an emulated device (see [`crate::socket_transport`]).
 
 use super::{DEVICE, NAME, PRODUCT, VENDOR};
 use crate::discovery::{Access, Root, Usb, check, usb_devices};
 use crate::hid;
-use crate::seam::{self, Seam, Transfer};
+use crate::socket_transport::{self, SocketTransport, Transfer};
 use crate::{Class, DeviceError, DeviceResult};
 use rusb::UsbContext;
 use std::io;
@@ -35,12 +35,12 @@ pub trait Bulk: Send {
 /// Opens the device at a socket.
 pub(super) fn socket(path: &str) -> DeviceResult<Box<dyn Bulk>> {
     let wrong = |got: String| DeviceError::new(DEVICE, format!("open {path}"), "a device", got).class(Class::Setup);
-    let socket = path.strip_prefix(seam::PREFIX).ok_or_else(|| {
+    let socket = path.strip_prefix(socket_transport::PREFIX).ok_or_else(|| {
         wrong("no socket".into()).remedy("give `serial` for a device on USB, `path = \"unix:…\"` for an emulated one")
     })?;
-    let opened = Seam::open(Path::new(socket));
+    let opened = SocketTransport::open(Path::new(socket));
     let remedy = "start the emulated device that this path belongs to";
-    opened.map(|seam| Box::new(Socket(seam)) as _).map_err(|e| wrong(e.to_string()).remedy(remedy))
+    opened.map(|transport| Box::new(Socket(transport)) as _).map_err(|e| wrong(e.to_string()).remedy(remedy))
 }
 
 /// Opens the USB device; also returns its identity.
@@ -86,7 +86,7 @@ fn failed(command: &str, error: rusb::Error) -> DeviceError {
         rusb::Error::Pipe => io::ErrorKind::InvalidInput,
         _ => io::ErrorKind::Other,
     };
-    seam::failed(DEVICE, command, &io::Error::new(kind, error))
+    socket_transport::failed(DEVICE, command, &io::Error::new(kind, error))
 }
 
 impl Bulk for Libusb {
@@ -100,16 +100,20 @@ impl Bulk for Libusb {
     }
 }
 
-struct Socket(Seam);
+struct Socket(SocketTransport);
 
 impl Bulk for Socket {
     fn send(&mut self, bytes: &[u8]) -> DeviceResult<()> {
-        self.0.transfer(Transfer::BulkOut, bytes).map(drop).map_err(|e| seam::failed(DEVICE, "take bytes", &e))
+        self.0
+            .transfer(Transfer::BulkOut, bytes)
+            .map(drop)
+            .map_err(|e| socket_transport::failed(DEVICE, "take bytes", &e))
     }
 
     fn receive(&mut self, bytes: &mut [u8]) -> DeviceResult<usize> {
-        let wanted = u16::try_from(bytes.len().min(seam::MAX_PAYLOAD)).unwrap_or(u16::MAX).to_le_bytes();
-        let got = self.0.transfer(Transfer::BulkIn, &wanted).map_err(|e| seam::failed(DEVICE, "answer", &e))?;
+        let wanted = u16::try_from(bytes.len().min(socket_transport::MAX_PAYLOAD)).unwrap_or(u16::MAX).to_le_bytes();
+        let got =
+            self.0.transfer(Transfer::BulkIn, &wanted).map_err(|e| socket_transport::failed(DEVICE, "answer", &e))?;
         let length = got.len().min(bytes.len());
         bytes[..length].copy_from_slice(&got[..length]);
         Ok(length)

@@ -70,7 +70,7 @@ struct BulkLamp {
 }
 
 impl BulkLamp {
-    fn ask(&mut self, command: Command) -> DeviceResult<Answer> {
+    fn query(&mut self, command: Command) -> DeviceResult<Answer> {
         self.sequence = self.sequence.wrapping_add(1);
         self.bulk.send(&protocol::request(self.sequence, command))?;
         let mut got = String::from("answers to other requests only");
@@ -112,10 +112,10 @@ impl Lamp for BulkLamp {
     }
 
     fn set(&mut self, on: bool) -> DeviceResult<()> {
-        self.ask(if on { Command::On(self.longest) } else { Command::Off }).map(drop)
+        self.query(if on { Command::On(self.longest) } else { Command::Off }).map(drop)
     }
 
     fn state(&mut self) -> DeviceResult<bool> {
-        Ok(self.ask(Command::State)?.on)
+        Ok(self.query(Command::State)?.on)
     }
 }

@@ -130,7 +130,7 @@ mod tests {
         }
 
         #[test]
-        fn answers_say_what_was_written(sequence: u8, command: u8, on: bool, left: u16, status in 0u8..4) {
+        fn answers_repeat_the_written_values(sequence: u8, command: u8, on: bool, left: u16, status in 0u8..4) {
             let [low, high] = left.to_le_bytes();
             let mut frame = vec![0x6e, sequence, command, status, u8::from(on), low, high];
             frame.push(crc(&frame));

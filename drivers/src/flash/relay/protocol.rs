@@ -95,7 +95,7 @@ mod tests {
         }
 
         #[test]
-        fn what_is_on_is_read(serial in "[A-Z0-9]{5}", on: u8, channel in 1u8..=8) {
+        fn channels_that_are_on_are_read(serial in "[A-Z0-9]{5}", on: u8, channel in 1u8..=8) {
             let mut report = serial.as_bytes().to_vec();
             report.extend([0, 0, on]);
             let status = status(&report).unwrap();

@@ -40,7 +40,7 @@ impl Elliptec {
         self.error(what, "status 0 (ok)", got).remedy(remedy).class(class)
     }
 
-    pub(super) fn forgot(&mut self, what: &str, left_deg: f64, found_deg: f64) -> DeviceError {
+    pub(super) fn lost_position(&mut self, what: &str, left_deg: f64, found_deg: f64) -> DeviceError {
         self.zero = Zero::Forgotten;
         let expected = format!("to find it where it was left, at {left_deg:.2}°");
         self.error(what, &expected, format!("{found_deg:.2}°"))

@@ -52,7 +52,7 @@ pub struct Elliptec {
 }
 
 /// Message received on the bus.
-enum Heard {
+enum Received {
     Reply(Reply),
     Garbage(String),
     Nothing,
@@ -94,7 +94,7 @@ impl Elliptec {
         }
         self.zero = Zero::Unchecked;
         let identity = self
-            .ask(WHAT, Command::Identity, |reply| match reply {
+            .query(WHAT, Command::Identity, |reply| match reply {
                 Reply::Identity(identity) => Some(identity),
                 _ => None,
             })
@@ -168,38 +168,38 @@ impl Elliptec {
     }
 
     /// Next message of this module; messages of other modules on the bus are skipped.
-    async fn hear(&mut self, what: &str, until: Instant) -> DeviceResult<Heard> {
+    async fn receive(&mut self, what: &str, until: Instant) -> DeviceResult<Received> {
         loop {
-            let Some(line) = self.lines.next(what, until).await? else { return Ok(Heard::Nothing) };
+            let Some(line) = self.lines.next(what, until).await? else { return Ok(Received::Nothing) };
             match parse(&line) {
                 Some((_, Reply::Other)) => {}
-                Some((from, reply)) if from == self.settings.address => return Ok(Heard::Reply(reply)),
+                Some((from, reply)) if from == self.settings.address => return Ok(Received::Reply(reply)),
                 Some(_) => {}
-                None => return Ok(Heard::Garbage(shown(&line))),
+                None => return Ok(Received::Garbage(shown(&line))),
             }
         }
     }
 
     /// Sends a query, repeated once if there is no valid answer.
-    async fn ask<T>(&mut self, what: &str, command: Command, pick: fn(Reply) -> Option<T>) -> DeviceResult<T> {
+    async fn query<T>(&mut self, what: &str, command: Command, pick: fn(Reply) -> Option<T>) -> DeviceResult<T> {
         let mut got = String::new();
         self.settle(what).await?;
         for _ in 0..2 {
             self.lines.send(what, &command.encode(self.settings.address))?;
             let until = self.lines.now() + self.answer();
             got = loop {
-                match self.hear(what, until).await? {
-                    Heard::Nothing => break format!("nothing within {} ms", self.settings.answer_ms),
-                    Heard::Garbage(line) => break line,
+                match self.receive(what, until).await? {
+                    Received::Nothing => break format!("nothing within {} ms", self.settings.answer_ms),
+                    Received::Garbage(line) => break line,
                     // Late answer to a repeated query.
-                    Heard::Reply(Reply::Status(Status::Ok)) if command != Command::Status => {}
-                    Heard::Reply(Reply::Status(status)) if command != Command::Status => {
+                    Received::Reply(Reply::Status(Status::Ok)) if command != Command::Status => {}
+                    Received::Reply(Reply::Status(status)) if command != Command::Status => {
                         return Err(match status {
                             Status::Busy => self.passing(what, "an answer", "status 9 (busy)"),
                             status => self.failed(what, status),
                         });
                     }
-                    Heard::Reply(reply) => match pick(reply) {
+                    Received::Reply(reply) => match pick(reply) {
                         Some(answer) => return Ok(answer),
                         None => continue,
                     },
@@ -211,7 +211,7 @@ impl Elliptec {
     }
 
     async fn status(&mut self, what: &str) -> DeviceResult<Status> {
-        self.ask(what, Command::Status, |reply| match reply {
+        self.query(what, Command::Status, |reply| match reply {
             Reply::Status(status) => Some(status),
             _ => None,
         })
@@ -220,7 +220,7 @@ impl Elliptec {
 
     /// Position in degrees.
     async fn place(&mut self, what: &str) -> DeviceResult<f64> {
-        let pulses = self.ask(what, Command::Position, |reply| match reply {
+        let pulses = self.query(what, Command::Position, |reply| match reply {
             Reply::Position(pulses) => Some(pulses),
             _ => None,
         });
@@ -254,22 +254,22 @@ impl Elliptec {
         let mut got = "an end without its position".to_owned();
         while self.lines.now() < until {
             let limit = if unanswered > 0 { self.answer() } else { POLL };
-            match self.hear(what, self.lines.now() + limit).await? {
+            match self.receive(what, self.lines.now() + limit).await? {
                 // A late answer to an earlier movement looks the same, but the module is then still busy.
-                Heard::Reply(Reply::Position(_)) => match self.status(what).await? {
+                Received::Reply(Reply::Position(_)) => match self.status(what).await? {
                     Status::Ok => return self.place(what).await,
                     Status::Busy => (unanswered, idle, busy) = (0, 0, true),
                     status => return Err(self.failed(what, status)),
                 },
-                Heard::Reply(Reply::Status(Status::Busy)) => (unanswered, idle, busy) = (0, 0, true),
-                Heard::Reply(Reply::Status(Status::Ok)) => (unanswered, idle, busy) = (0, idle + 1, false),
-                Heard::Reply(Reply::Status(status)) => return Err(self.failed(what, status)),
-                Heard::Reply(_) => {}
-                Heard::Garbage(line) => (got, self.unsettled) = (line, true),
-                Heard::Nothing if unanswered == 2 => {
+                Received::Reply(Reply::Status(Status::Busy)) => (unanswered, idle, busy) = (0, 0, true),
+                Received::Reply(Reply::Status(Status::Ok)) => (unanswered, idle, busy) = (0, idle + 1, false),
+                Received::Reply(Reply::Status(status)) => return Err(self.failed(what, status)),
+                Received::Reply(_) => {}
+                Received::Garbage(line) => (got, self.unsettled) = (line, true),
+                Received::Nothing if unanswered == 2 => {
                     return Err(self.passing(what, "an answer", format!("nothing within {} ms", limit.as_millis())));
                 }
-                Heard::Nothing => {
+                Received::Nothing => {
                     self.lines.send(what, &Command::Status.encode(self.settings.address))?;
                     self.unsettled |= unanswered > 0;
                     unanswered += 1;
@@ -287,13 +287,13 @@ impl Elliptec {
     }
 
     /// Checks that the stage is at its last known position; homes it if that is unknown.
-    async fn be_sure(&mut self, what: &str) -> DeviceResult<()> {
+    async fn verify_position(&mut self, what: &str) -> DeviceResult<()> {
         if !matches!(self.zero, Zero::Known(_)) {
             return self.find_zero(what).await.map(drop);
         }
         let at = self.place(what).await?;
         match self.zero.left_elsewhere(at, self.settings.tolerance_deg) {
-            Some(left) => Err(self.forgot(what, left, at)),
+            Some(left) => Err(self.lost_position(what, left, at)),
             None => Ok(()),
         }
     }
@@ -347,7 +347,7 @@ impl Stage for Elliptec {
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
         let what = format!("move to {angle_deg}°");
         let target = self.target(&what, angle_deg)?;
-        self.be_sure(&what).await?;
+        self.verify_position(&what).await?;
         self.begin(&what, Command::MoveTo(target)).await?;
         let at = self.finish(&what).await?;
         self.zero = Zero::Known(at);
@@ -366,7 +366,7 @@ impl Stage for Elliptec {
         const WHAT: &str = "report its position";
         let at = self.place(WHAT).await?;
         match self.zero.left_elsewhere(at, self.settings.tolerance_deg) {
-            Some(left) => Err(self.forgot(WHAT, left, at)),
+            Some(left) => Err(self.lost_position(WHAT, left, at)),
             None if self.zero == Zero::Forgotten => Err(self
                 .error(WHAT, "an angle", "a module that was reset and not homed since")
                 .remedy("home it, then resume the session")),

@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_or_bent_is_no_reply() {
+    fn truncated_or_corrupt_replies_are_refused() {
         let bent =
             ["", "0", "0P", "0PO", "0PO0000460", "0PO000046000", "0PO0000460G", "0GS", "0GS0", "0GS-1", "GPO00000000"];
         for line in bent.into_iter().chain(["0in", "0gs", "0IN0E11400517", "0PO0000°0", "0PO+0000460"]) {

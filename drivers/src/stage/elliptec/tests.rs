@@ -36,7 +36,7 @@ fn it_says_who_it_is() {
 }
 
 #[test]
-fn an_old_error_is_forgotten_once_it_was_told() {
+fn an_old_error_is_cleared_once_it_was_reported() {
     open(&[("2gs", "2GS02\r\n"), IDLE, IDENTITY]).unwrap();
     assert!(open(&[("2gs", "2GS02\r\n"), ("2gs", "2GS02\r\n")]).err().unwrap().got.contains("mechanical"));
 }
@@ -66,7 +66,7 @@ fn a_move_is_over_when_it_says_so_and_not_sooner() {
 }
 
 #[test]
-fn what_was_not_homed_homes_before_it_moves() {
+fn an_unhomed_stage_homes_before_it_moves() {
     let at = "2PO00008C00\r\n";
     let moved = [AT_ZERO, ("2ma00008C00", at), IDLE, ("2gp", at)];
     let steps: Vec<_> = [IDLE, IDENTITY].iter().chain(&HOMED).chain(&moved[1..]).copied().collect();
@@ -124,7 +124,7 @@ fn questions_are_asked_again_once() {
 }
 
 #[test]
-fn what_is_busy_for_ever_is_an_error() {
+fn endless_busy_states_are_an_error() {
     let mut steps = vec![AT_ZERO, ("2ma00008C00", "")];
     steps.extend([("2gs", "2GS09\r\n"); 20]);
     let error = wait(homed(&steps).move_to(90.0)).unwrap_err();

@@ -48,7 +48,7 @@ pub struct Grbl {
 }
 
 /// Received message.
-enum Heard {
+enum Received {
     Line(Line),
     Garbage(String),
     Nothing,
@@ -124,35 +124,35 @@ impl Grbl {
     }
 
     /// Next received message, without informational ones.
-    async fn hear(&mut self, what: &str, until: Instant) -> DeviceResult<Heard> {
+    async fn receive(&mut self, what: &str, until: Instant) -> DeviceResult<Received> {
         loop {
-            let Some(line) = self.lines.next(what, until).await? else { return Ok(Heard::Nothing) };
+            let Some(line) = self.lines.next(what, until).await? else { return Ok(Received::Nothing) };
             match parse(&line) {
                 Some(Line::Message(_)) => {}
                 Some(Line::Started(_)) => return Err(self.restarted(what)),
                 Some(Line::Alarm(code)) => return Err(self.alarmed(what, Some(code))),
                 Some(Line::Error(code)) => return Err(self.refused(what, code)),
                 Some(Line::Report(report)) => {
-                    self.learn(&report);
-                    return Ok(Heard::Line(Line::Report(report)));
+                    self.update_state(&report);
+                    return Ok(Received::Line(Line::Report(report)));
                 }
-                Some(line) => return Ok(Heard::Line(line)),
-                None => return Ok(Heard::Garbage(shown(&line))),
+                Some(line) => return Ok(Received::Line(line)),
+                None => return Ok(Received::Garbage(shown(&line))),
             }
         }
     }
 
     /// Error for a missing answer, which may still arrive late.
-    fn unheard(&mut self, what: &str, expected: &str, heard: Heard, limit: Duration) -> DeviceError {
+    fn no_reply(&mut self, what: &str, expected: &str, received: Received, limit: Duration) -> DeviceError {
         self.unsettled = true;
-        let got = match heard {
-            Heard::Garbage(line) => line,
+        let got = match received {
+            Received::Garbage(line) => line,
             _ => format!("nothing within {} ms", limit.as_millis()),
         };
         self.passing(what, expected, got)
     }
 
-    fn learn(&mut self, report: &Report) {
+    fn update_state(&mut self, report: &Report) {
         let offset = report.offset.as_ref().and_then(|o| o.get(self.settings.axis.index()));
         self.offset = offset.copied().or(self.offset);
     }
@@ -162,7 +162,7 @@ impl Grbl {
         let time = if self.unsettled { QUIET * self.answer() } else { Duration::ZERO };
         let until = self.lines.now() + time + TALK * self.answer();
         while self.lines.now() < until {
-            if let Heard::Nothing = self.hear(what, self.lines.now() + time).await? {
+            if let Received::Nothing = self.receive(what, self.lines.now() + time).await? {
                 self.unsettled = false;
                 return Ok(());
             }
@@ -176,11 +176,11 @@ impl Grbl {
         self.lines.send(what, line.as_bytes())?;
         let until = self.lines.now() + limit;
         loop {
-            match self.hear(what, until).await? {
-                Heard::Line(Line::Ok) => return Ok(()),
+            match self.receive(what, until).await? {
+                Received::Line(Line::Ok) => return Ok(()),
                 // Answer to an earlier report request.
-                Heard::Line(_) => {}
-                other => return Err(self.unheard(what, "ok", other, limit)),
+                Received::Line(_) => {}
+                other => return Err(self.no_reply(what, "ok", other, limit)),
             }
         }
     }
@@ -198,16 +198,16 @@ impl Grbl {
         self.lines.send(what, protocol::REPORT)?;
         let until = self.lines.now() + self.answer();
         loop {
-            match self.hear(what, until).await? {
-                Heard::Line(Line::Report(report)) => return Ok(report),
-                Heard::Line(_) => {}
-                other => return Err(self.unheard(what, "a report", other, self.answer())),
+            match self.receive(what, until).await? {
+                Received::Line(Line::Report(report)) => return Ok(report),
+                Received::Line(_) => {}
+                other => return Err(self.no_reply(what, "a report", other, self.answer())),
             }
         }
     }
 
     /// State, and position of the axis in degrees.
-    async fn look(&mut self, what: &str) -> DeviceResult<(State, f64)> {
+    async fn status(&mut self, what: &str) -> DeviceResult<(State, f64)> {
         // Work coordinates give the machine position only with their origin, which not every report contains.
         for _ in 0..40 {
             let report = self.report(what).await?;
@@ -227,11 +227,11 @@ impl Grbl {
     }
 
     /// Waits until the axis is idle, at the target if there is one; returns its position.
-    async fn rest(&mut self, what: &str, target_deg: Option<f64>, limit: Duration) -> DeviceResult<f64> {
+    async fn wait_for_rest(&mut self, what: &str, target_deg: Option<f64>, limit: Duration) -> DeviceResult<f64> {
         let until = self.lines.now() + limit;
         let mut short = 0;
         loop {
-            let (state, at) = self.look(what).await?;
+            let (state, at) = self.status(what).await?;
             match state {
                 State::Idle if target_deg.is_none_or(|t| (at - t).abs() <= self.settings.tolerance_deg) => {
                     return Ok(at);
@@ -250,7 +250,7 @@ impl Grbl {
         let until = self.lines.now() + POLL;
         while self.lines.now() < until {
             // Unsolicited messages in the meantime are processed.
-            let _ = self.hear(what, until).await?;
+            let _ = self.receive(what, until).await?;
         }
         Ok(())
     }
@@ -263,13 +263,13 @@ impl Grbl {
         if self.settings.homes {
             if matches!(self.zero, Zero::Going { .. }) {
                 // A movement without a confirmed end may still be running.
-                self.rest(what, None, limit).await?;
+                self.wait_for_rest(what, None, limit).await?;
             }
             self.zero = Zero::Unchecked;
             self.homing = true;
             self.command(what, "$H\n", limit).await?;
         }
-        let at = self.rest(what, None, limit).await?;
+        let at = self.wait_for_rest(what, None, limit).await?;
         self.homing = false;
         if let Zero::Going { to, .. } = self.zero
             && (at - to).abs() > self.settings.tolerance_deg
@@ -281,11 +281,11 @@ impl Grbl {
     }
 
     /// Position of the axis, which must be its last known one; homes it if that is unknown.
-    async fn be_sure(&mut self, what: &str) -> DeviceResult<f64> {
+    async fn verify_position(&mut self, what: &str) -> DeviceResult<f64> {
         if !matches!(self.zero, Zero::Known(_)) {
             return self.find_zero(what).await;
         }
-        let at = self.rest(what, None, self.answer()).await?;
+        let at = self.wait_for_rest(what, None, self.answer()).await?;
         match self.zero.left_elsewhere(at, self.settings.tolerance_deg) {
             Some(left) => Err(self.moved_away(what, left, at)),
             None => Ok(at),
@@ -294,13 +294,13 @@ impl Grbl {
 
     async fn turn(&mut self, what: &str, angle_deg: f64) -> DeviceResult<Arrived> {
         check::angle(self.lines.device(), what, angle_deg, self.settings.limits_deg, "stage")?;
-        let from = self.be_sure(what).await?;
+        let from = self.verify_position(what).await?;
         self.zero = Zero::Going { from, to: angle_deg };
         let scale = self.settings.degrees_per_unit;
         let line = move_line(self.settings.axis, angle_deg / scale, self.settings.feed_deg_min / scale.abs());
         let limit = Duration::from_millis(self.settings.move_ms);
         self.command(what, &line, self.answer()).await?;
-        let at = self.rest(what, Some(angle_deg), limit).await?;
+        let at = self.wait_for_rest(what, Some(angle_deg), limit).await?;
         self.zero = Zero::Known(at);
         Ok(self.arrived(at))
     }
@@ -316,11 +316,11 @@ impl Grbl {
         let until = self.lines.now() + Duration::from_millis(self.settings.move_ms);
         // During homing GRBL accepts only a reset.
         let homing = std::mem::take(&mut self.homing);
-        let mut stood = None;
+        let mut before = None;
         while self.lines.now() < until && !homing {
-            match self.look(WHAT).await {
+            match self.status(WHAT).await {
                 Ok((State::Hold { still: true } | State::Idle, at)) => {
-                    stood = Some(at);
+                    before = Some(at);
                     break;
                 }
                 Ok((State::Alarm, _)) => break,
@@ -339,8 +339,8 @@ impl Grbl {
         while let Some(line) = self.lines.next(WHAT, until).await? {
             if matches!(parse(&line), Some(Line::Started(_))) {
                 let forgotten = self.zero == Zero::Forgotten;
-                let (state, at) = self.look(WHAT).await.unwrap_or((State::Alarm, 0.0));
-                let kept = stood.is_some_and(|s: f64| (s - at).abs() <= self.settings.tolerance_deg);
+                let (state, at) = self.status(WHAT).await.unwrap_or((State::Alarm, 0.0));
+                let kept = before.is_some_and(|s: f64| (s - at).abs() <= self.settings.tolerance_deg);
                 self.zero = match state {
                     State::Idle if kept && !forgotten => Zero::Known(at),
                     _ => Zero::Forgotten,
@@ -384,7 +384,7 @@ impl Stage for Grbl {
 
     async fn position(&mut self) -> DeviceResult<f64> {
         const WHAT: &str = "report its position";
-        let (_, at) = self.look(WHAT).await.map_err(|e| self.for_good(e))?;
+        let (_, at) = self.status(WHAT).await.map_err(|e| self.for_good(e))?;
         match self.zero.left_elsewhere(at, self.settings.tolerance_deg) {
             Some(left) => Err(self.moved_away(WHAT, left, at)),
             None if self.zero == Zero::Forgotten => Err(self.lost_zero(WHAT)),

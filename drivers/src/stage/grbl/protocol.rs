@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_or_bent_is_no_line() {
+    fn truncated_or_corrupt_lines_are_refused() {
         let bent = ["", "o", "okok", "error:", "error:x", "error:900", "ALARM", "<Idle|MPos:0.000", "<Idl|MPos:0>"];
         for line in bent.into_iter().chain(["<Idle|MPos:1,,2>", "<Idle|MPos:inf>", "<Idle|MPos>", "Grbl", "[MSG"]) {
             assert_eq!(parse(line.as_bytes()), None, "{line}");

@@ -41,7 +41,7 @@ fn it_says_who_it_is() {
 }
 
 #[test]
-fn what_is_not_grbl_is_refused() {
+fn other_controllers_are_refused() {
     let steps = [("?", "hello\r\n"), ("?", ""), ("?", ""), ("?", ""), ("?", ""), ("?", "")];
     let opened = Grbl::on(Box::new(Replay::new(&steps)), &settings(), Arc::new(SystemClock));
     let error = opened.err().unwrap();

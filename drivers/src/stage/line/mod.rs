@@ -15,7 +15,7 @@ use crate::wire::{Lines, SerialWire, Wire, shown, wait};
 use crate::{Arrived, Class, Clock, DeviceError, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
 use pattern::{Match, Pattern};
-use settings::{Phrases, Said};
+use settings::{Command, Phrases};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -92,13 +92,13 @@ impl LineStage {
     }
 
     /// Sends a line.
-    async fn say(&mut self, what: &str, text: &str) -> DeviceResult<()> {
+    async fn send_text(&mut self, what: &str, text: &str) -> DeviceResult<()> {
         self.settle(what).await?;
         self.lines.send(what, format!("{text}{}", self.settings.terminator).as_bytes())
     }
 
     /// The next line; an error if it matches an error pattern.
-    async fn hear(&mut self, what: &str, limit: Duration) -> DeviceResult<Vec<u8>> {
+    async fn receive(&mut self, what: &str, limit: Duration) -> DeviceResult<Vec<u8>> {
         let Some(line) = self.lines.next(what, self.lines.now() + limit).await? else {
             self.unsettled = true;
             return Err(self.passing(what, "an answer", format!("nothing within {} ms", limit.as_millis())));
@@ -117,11 +117,11 @@ impl LineStage {
     async fn expect(
         &mut self,
         what: &str,
-        which: fn(&Phrases) -> Option<&Said>,
+        which: fn(&Phrases) -> Option<&Command>,
         limit: Duration,
     ) -> DeviceResult<Match> {
-        let line = self.hear(what, limit).await?;
-        let reply: Option<&Pattern> = which(&self.phrases).map(|said| &said.reply);
+        let line = self.receive(what, limit).await?;
+        let reply: Option<&Pattern> = which(&self.phrases).map(|command| &command.reply);
         match reply.and_then(|r| r.matches(&line, self.settings.units_per_deg)) {
             Some(matched) => Ok(matched),
             None => {
@@ -135,14 +135,14 @@ impl LineStage {
     async fn exchange(
         &mut self,
         what: &str,
-        which: fn(&Phrases) -> Option<&Said>,
+        which: fn(&Phrases) -> Option<&Command>,
         angle_deg: f64,
         limit: Duration,
     ) -> DeviceResult<Option<Match>> {
         let Some(text) = which(&self.phrases).map(|s| s.send.fill(angle_deg, self.settings.units_per_deg)) else {
             return Ok(None);
         };
-        self.say(what, &text).await?;
+        self.send_text(what, &text).await?;
         self.expect(what, which, limit).await.map(Some)
     }
 
@@ -159,13 +159,14 @@ impl LineStage {
     }
 
     /// Waits until the stage reports that it stands, if the configuration has such a query.
-    async fn stands(&mut self, what: &str) -> DeviceResult<()> {
+    async fn wait_for_standstill(&mut self, what: &str) -> DeviceResult<()> {
         let until = self.lines.now() + self.longest_move();
         while let Some(text) = self.phrases.poll.as_ref().map(|p| p.send.fill(0.0, 1.0)) {
-            self.say(what, &text).await?;
-            let line = self.hear(what, self.answer()).await?;
-            let stands = self.phrases.poll.as_ref().and_then(|p| p.reply.matches(&line, self.settings.units_per_deg));
-            if stands.is_some() {
+            self.send_text(what, &text).await?;
+            let line = self.receive(what, self.answer()).await?;
+            let wait_for_standstill =
+                self.phrases.poll.as_ref().and_then(|p| p.reply.matches(&line, self.settings.units_per_deg));
+            if wait_for_standstill.is_some() {
                 return Ok(());
             }
             if self.lines.now() > until {
@@ -185,7 +186,7 @@ impl LineStage {
     }
 
     /// Waits until the position is constant, at the target if there is one; returns the position.
-    async fn rest(&mut self, what: &str, target_deg: Option<f64>) -> DeviceResult<f64> {
+    async fn wait_for_rest(&mut self, what: &str, target_deg: Option<f64>) -> DeviceResult<f64> {
         let tolerance = self.settings.motion.tolerance_deg;
         let until = self.lines.now() + self.longest_move();
         let (mut last, mut still) = (f64::NAN, 0);
@@ -218,11 +219,11 @@ impl LineStage {
             self.zero = Zero::Unchecked;
             let limit = if self.phrases.poll.is_some() { self.answer() } else { self.longest_move() };
             self.exchange(what, |p| p.home.as_ref(), 0.0, limit).await?;
-            self.stands(what).await?;
+            self.wait_for_standstill(what).await?;
         } else if self.zero == Zero::Forgotten {
             return Err(self.lost_zero(what));
         }
-        let at = self.rest(what, None).await?;
+        let at = self.wait_for_rest(what, None).await?;
         if let Zero::Going { to, .. } = self.zero
             && (at - to).abs() > self.settings.motion.tolerance_deg
             && self.phrases.home.is_none()
@@ -252,7 +253,7 @@ impl LineStage {
     }
 
     /// Position of the stage, which must be its last known one; homes it if that is unknown.
-    async fn be_sure(&mut self, what: &str) -> DeviceResult<f64> {
+    async fn verify_position(&mut self, what: &str) -> DeviceResult<f64> {
         if !matches!(self.zero, Zero::Known(_)) {
             return self.find_zero(what).await;
         }
@@ -265,12 +266,12 @@ impl LineStage {
 
     async fn turn(&mut self, what: &str, angle_deg: f64) -> DeviceResult<Arrived> {
         check::angle(self.lines.device(), what, angle_deg, self.settings.motion.limits_deg, "stage")?;
-        let from = self.be_sure(what).await?;
+        let from = self.verify_position(what).await?;
         self.zero = Zero::Going { from, to: angle_deg };
         let limit = if self.phrases.poll.is_some() { self.answer() } else { self.longest_move() };
         self.exchange(what, |p| Some(&p.go), angle_deg, limit).await?;
-        self.stands(what).await?;
-        let at = self.rest(what, Some(angle_deg)).await?;
+        self.wait_for_standstill(what).await?;
+        let at = self.wait_for_rest(what, Some(angle_deg)).await?;
         self.zero = Zero::Known(at);
         Ok(self.arrived(at))
     }
@@ -324,8 +325,8 @@ impl Stage for LineStage {
                 Err(_) => {}
             }
         }
-        self.stands("halt").await.map_err(|e| self.for_good(e))?;
-        let at = self.rest("halt", None).await.map_err(|e| self.for_good(e))?;
+        self.wait_for_standstill("halt").await.map_err(|e| self.for_good(e))?;
+        let at = self.wait_for_rest("halt", None).await.map_err(|e| self.for_good(e))?;
         // A stage stopped between the two ends knows its position; elsewhere its zero is lost.
         if let Zero::Going { from, to } = self.zero {
             let slack = self.settings.motion.tolerance_deg;

@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn patterns_look_at_whole_lines() {
+    fn patterns_match_whole_lines() {
         let matched = |text, line: &str| Pattern::new(text).unwrap().matches(line.as_bytes(), 10.0);
         assert_eq!(matched("POS {angle}", "POS -12.5 "), Some(Match::Degrees(-12.5)));
         assert_eq!(matched("POS {units} steps", "POS 50 steps"), Some(Match::Degrees(5.0)));
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn defects_are_named() {
         for text in ["{", "}", "{angel}", "{angle}{angle}", "{angle:.x}", "{angle:.99}", "{number}", "{any}"] {
             assert!(Template::new(text).is_err(), "{text}");
         }

@@ -105,18 +105,18 @@ fn one() -> f64 {
 }
 
 /// A parsed exchange.
-pub(super) struct Said {
+pub(super) struct Command {
     pub(super) send: Template,
     pub(super) reply: Pattern,
 }
 
 /// All exchanges of a stage.
 pub(super) struct Phrases {
-    pub(super) home: Option<Said>,
-    pub(super) go: Said,
-    pub(super) position: Said,
-    pub(super) poll: Option<Said>,
-    pub(super) halt: Option<Said>,
+    pub(super) home: Option<Command>,
+    pub(super) go: Command,
+    pub(super) position: Command,
+    pub(super) poll: Option<Command>,
+    pub(super) halt: Option<Command>,
     pub(super) errors: Vec<Pattern>,
 }
 
@@ -132,15 +132,15 @@ impl Settings {
             return Err("terminator must have 1 to 4 bytes, such as \"\\r\\n\"".into());
         }
         self.motion.check()?;
-        let optional = |key, exchange: &Option<Exchange>| exchange.as_ref().map(|e| said(key, e, false)).transpose();
-        let position = said("position", &self.position, false)?;
+        let optional = |key, exchange: &Option<Exchange>| exchange.as_ref().map(|e| command(key, e, false)).transpose();
+        let position = command("position", &self.position, false)?;
         if !position.reply.has_angle() {
             return Err("position.reply needs {angle} or {units}".into());
         }
         let error = |text: &String| Pattern::new(text).map_err(|e| format!("errors: {e}"));
         Ok(Phrases {
             home: optional("home", &self.home)?,
-            go: said("move", &self.go, true)?,
+            go: command("move", &self.go, true)?,
             position,
             poll: optional("poll", &self.poll)?,
             halt: optional("halt", &self.halt)?,
@@ -149,11 +149,11 @@ impl Settings {
     }
 }
 
-fn said(key: &str, exchange: &Exchange, target: bool) -> Result<Said, String> {
+fn command(key: &str, exchange: &Exchange, target: bool) -> Result<Command, String> {
     let send = Template::new(&exchange.send).map_err(|e| format!("{key}.send: {e}"))?;
     let reply = Pattern::new(&exchange.reply).map_err(|e| format!("{key}.reply: {e}"))?;
     match send.has_target() {
-        has if has == target => Ok(Said { send, reply }),
+        has if has == target => Ok(Command { send, reply }),
         true => Err(format!("{key}.send: only a move has a target")),
         false => Err(format!("{key}.send needs {{angle}} or {{units}}")),
     }

@@ -66,7 +66,7 @@ fn units_polls_and_homing_are_as_configured() {
 }
 
 #[test]
-fn what_goes_wrong_is_no_arrival() {
+fn errors_are_no_arrival() {
     for (answer, class, word) in
         [("ERR 5\r\n", Class::Stop, "ERR 5"), ("", Class::Retry, "nothing"), ("?\r\n", Class::Retry, "“?”")]
     {

@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_known_grating_tells_gain_and_offset() {
+    fn a_known_grating_determines_gain_and_offset() {
         for shape in [Shape::Sinusoid, Shape::Blazed, Shape::Rectangular] {
             let grating = KnownGrating { shape, depth_um: 0.4 };
             let profile = grating.profiles().pop().unwrap();

@@ -89,8 +89,8 @@ mod tests {
         assert!((cutoff.numerical_aperture - 0.02625).abs() < 1e-4, "{cutoff:?}");
         assert!((cutoff.period_um - 9.52).abs() < 0.02 && cutoff.coherent_period_um == 2.0 * cutoff.period_um);
         // The paper's grating with 600 lines per mm.
-        let said = cutoff.check(1.0 / 0.6, "--lines-per-mm").unwrap_err().to_string();
-        assert!(said.contains("1.667 µm") && said.contains("9.52 µm"), "{said}");
+        let message = cutoff.check(1.0 / 0.6, "--lines-per-mm").unwrap_err().to_string();
+        assert!(message.contains("1.667 µm") && message.contains("9.52 µm"), "{message}");
         assert!(cutoff.check(10.0, "").is_ok());
         assert!(Lens { f_number: 0.0, ..lens }.cutoff(500.0).is_err() && lens.cutoff(f64::NAN).is_err());
     }

@@ -5,9 +5,9 @@
 //! lens are rejected.
 
 pub mod deconvolution;
-mod grain;
 mod height;
 mod lens;
+mod noise_estimate;
 mod options;
 mod outcome;
 mod output;
@@ -15,9 +15,9 @@ mod period;
 mod photograph;
 mod reconstruct;
 mod report;
+mod rotation;
 mod slice;
 mod slits;
-mod turn;
 
 pub use height::{Calibration, KnownGrating, Shape};
 pub use lens::{Cutoff, Lens};

@@ -1,9 +1,9 @@
 //! Options of the bokeh reconstruction.
 
 use super::deconvolution::{Iterations, Noise, Psf};
-use super::grain;
 use super::height::{Calibration, KnownGrating};
 use super::lens::{Cutoff, Lens};
+use super::noise_estimate;
 use super::photograph::{Crop, Light, Photograph};
 use super::reconstruct::{check_input, sharpen_into};
 use super::report::Report;
@@ -261,8 +261,10 @@ impl Options {
                 let floor = (model.read_noise_e / model.full_scale_e).powi(2) + photograph.step.powi(2) / 12.0;
                 Some((Noise { shot: 1.0 / model.full_scale_e, floor }, true))
             }
-            None => grain::noise(&photograph.light, photograph.width, photograph.height, photograph.step)
-                .map(|noise| (noise, false)),
+            None => {
+                noise_estimate::estimate_noise(&photograph.light, photograph.width, photograph.height, photograph.step)
+                    .map(|noise| (noise, false))
+            }
         }
     }
 }

@@ -8,9 +8,9 @@ use super::period::Lines;
 use super::report::{
     Deconvolution, Heights, LinesReport, NoiseReport, Report, Scale, Seconds, SliceReport, SlitsReport,
 };
+use super::rotation::Map;
 use super::slice::{Line, Slice};
 use super::slits::Slits;
-use super::turn::Map;
 use std::path::Path;
 
 /// Ratio of misfit to its expected value above which a warning is issued.
@@ -102,7 +102,7 @@ impl Outcome {
                 self.unknown
             ));
         }
-        all.extend(self.doubts_of_the_blur(report));
+        all.extend(self.blur_warnings(report));
         let name = report.photograph.to_lowercase();
         let jpeg = name.ends_with(".jpg") || name.ends_with(".jpeg");
         if jpeg && report.deconvolution.noise.is_some_and(|n| n.source == "estimated") {
@@ -117,7 +117,7 @@ impl Outcome {
                  --f-number and --distance-m"
                     .into(),
             ),
-            Some(cutoff) => all.extend(self.doubts_of_the_lens(&cutoff, report)),
+            Some(cutoff) => all.extend(self.lens_warnings(&cutoff, report)),
         }
         if let Some(slice) = self.slice.as_ref().filter(|s| s.tilt_deg.abs() > TILTED && self.lines.is_some()) {
             all.push(format!(
@@ -140,7 +140,7 @@ impl Outcome {
         all
     }
 
-    fn doubts_of_the_blur(&self, report: &Report) -> Option<String> {
+    fn blur_warnings(&self, report: &Report) -> Option<String> {
         let found = &report.deconvolution;
         if found.auto && !found.converged {
             let text = "another iteration would still find structure, but no more were allowed";
@@ -170,7 +170,7 @@ impl Outcome {
         })
     }
 
-    fn doubts_of_the_lens(&self, cutoff: &Cutoff, report: &Report) -> Option<String> {
+    fn lens_warnings(&self, cutoff: &Cutoff, report: &Report) -> Option<String> {
         let Some(period) = report.lines.and_then(|l| l.period_um) else {
             return Some(format!(
                 "the lens shows no period below {:.2} µm (λ / (2 NA)), but what is seen could not be compared with that, since no \

@@ -54,7 +54,7 @@ pub(super) fn lines(values: &[f64]) -> Option<Lines> {
     let middle = (first + peak) as f64 * step;
     let frequency = highest(&|f| at(f).norm_sqr(), middle - step, middle + step);
     let fundamental = at(frequency);
-    let noise = left_over(&straight, frequency);
+    let noise = residual_power(&straight, frequency);
     let amplitude = fundamental.norm();
     if !(amplitude > CLEAR * noise * (2.0 * 1.5 / n as f64).sqrt() && amplitude > 1e-12) {
         return None;
@@ -94,7 +94,7 @@ fn highest(of: &dyn Fn(f64) -> f64, mut from: f64, mut to: f64) -> f64 {
 }
 
 /// Standard deviation of the residual after subtraction of the harmonics.
-fn left_over(values: &[f64], frequency: f64) -> f64 {
+fn residual_power(values: &[f64], frequency: f64) -> f64 {
     let n = values.len() as f64;
     let mut left = values.to_vec();
     for k in (1..=HARMONICS).take_while(|k| *k as f64 * frequency < 0.5) {

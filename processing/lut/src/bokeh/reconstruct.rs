@@ -9,9 +9,9 @@ use super::output;
 use super::period::{Lines, lines};
 use super::photograph::{Photograph, photograph};
 use super::report::{NoiseReport, Report, Scale, Seconds};
+use super::rotation::Map;
 use super::slice::{Line, slice};
 use super::slits::slits;
-use super::turn::Map;
 use nacre_base::estimate::Work;
 use nacre_base::operation::perform;
 use nacre_base::progress::Progress;
@@ -135,12 +135,12 @@ fn scale(options: &Options, lines: Option<Lines>, samples: Option<usize>, across
         KnownScale::Lines { per_mm, count } => (per_mm, count),
     };
     let counted = lines.map(|l| l.period_px);
-    let told = count.zip(samples).map(|(n, samples)| [samples as f64 / n, 0.0]);
-    let Some([period, sigma]) = told.or(counted) else {
+    let by_count = count.zip(samples).map(|(n, samples)| [samples as f64 / n, 0.0]);
+    let Some([period, sigma]) = by_count.or(counted) else {
         let problem = "no lines are found along the slice that could be counted";
         return Err(Error::input("--lines-per-mm", problem, "give a --slice across the lines, --lines, or --pixel-um"));
     };
     let pixel = 1000.0 / per_mm / (period * across);
-    let sigma_um = told.is_none().then_some(pixel * sigma / period);
+    let sigma_um = by_count.is_none().then_some(pixel * sigma / period);
     Ok(Scale { pixel_um: Some(pixel), sigma_um, source: "counted lines" })
 }

@@ -1,6 +1,6 @@
 //! Light profile along a line through an image.
 
-use super::turn::Map;
+use super::rotation::Map;
 use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 /// Maximum number of bins along either axis.
-pub const MOST_BINS: usize = 2048;
+pub const MAX_BINS: usize = 2048;
 
 /// Fraction of the dots per bin of orientation and period. Bins are equally wide in orientation and in line density
 /// (1/period).
@@ -111,7 +111,7 @@ impl Distribution {
         if !(low > 0.0 && low < high && high <= 100.0) {
             return Err(Error::file(path, format!("has {low} to {high} lines per µm"), remedy));
         }
-        if exr.width.max(exr.height) > MOST_BINS {
+        if exr.width.max(exr.height) > MAX_BINS {
             return Err(Error::file(path, format!("has {} × {} bins", exr.width, exr.height), remedy));
         }
         let (orientations, periods) = (exr.width, exr.height);

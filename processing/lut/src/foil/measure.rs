@@ -1,6 +1,6 @@
 //! Conversion of a diffraction photograph to the distribution of orientation and period.
 
-use super::distribution::{Distribution, MOST_BINS};
+use super::distribution::{Distribution, MAX_BINS};
 use super::report::Report;
 use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
@@ -82,7 +82,7 @@ impl Settings {
             _ => {}
         }
         match self.bins {
-            Some(bins) if !bins.iter().all(|n| (4..=MOST_BINS).contains(n)) => {
+            Some(bins) if !bins.iter().all(|n| (4..=MAX_BINS).contains(n)) => {
                 return bad("bins", format!("are {bins:?}"), "give 4 to 2048 of both");
             }
             _ => {}

@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 const MOST_PIXELS: usize = 64 << 20;
 
 /// Maximum number of dots.
-const MOST_DOTS: usize = 16 << 20;
+const MAX_DOTS: usize = 16 << 20;
 
 /// Total area of randomly placed dots, relative to the area of the map.
 const OVER: f64 = 4.0;
@@ -184,7 +184,7 @@ fn placed(dots: &Dots, random: &mut Stream) -> (Vec<u32>, usize) {
         Shape::Square(_) => (1, vec![true]),
     };
     let area = pixels.iter().filter(|p| **p).count();
-    let count = ((OVER * (width * height) as f64 / area as f64).ceil() as usize).clamp(1, MOST_DOTS);
+    let count = ((OVER * (width * height) as f64 / area as f64).ceil() as usize).clamp(1, MAX_DOTS);
     let mut owner = vec![0; width * height];
     for dot in 1..=count {
         // Dots wrap around the borders, so that the map is tileable.

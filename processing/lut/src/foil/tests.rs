@@ -51,7 +51,7 @@ fn bins_are_where_they_say() {
 }
 
 #[test]
-fn maps_show_the_distribution_whatever_the_shape() {
+fn maps_show_the_distribution_for_every_shape() {
     let from = spiral();
     // An L of 5 × 7 pixels.
     let letter = Shape::Mask(5, (0..35).map(|i| i % 5 < 2 || i / 5 > 4).collect());
@@ -89,7 +89,7 @@ fn maps_show_the_distribution_whatever_the_shape() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn invalid_input_is_refused() {
     let good = Dots { size: [32, 32], pixel_um: 1.0, shape: Shape::Square(8), seed: 1 };
     for dots in [
         Dots { size: [0, 4], ..good.clone() },

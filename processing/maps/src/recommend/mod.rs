@@ -102,7 +102,8 @@ pub struct Report {
 pub fn recommend(input: &Path, need: Need, palette: Palette) -> Result<(Report, Canvas)> {
     let is_map = input.is_dir()
         || input.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")) && { Maps::read(input).is_ok() };
-    let Seen { source, shown, scale, warning } = if is_map { of_map(input, palette)? } else { of_photograph(input)? };
+    let ReducedInput { source, shown, scale, warning } =
+        if is_map { of_map(input, palette)? } else { of_photograph(input)? };
     let (repeats, part) = windows::tile(source.size(), scale, &|part| source.part(part));
     let unevenness = unevenness(&source.part(part));
     let discrete = unevenness > DISCRETE;
@@ -164,7 +165,7 @@ fn unsuited(repeats: Option<&Repeats>, discrete: bool) -> String {
 }
 
 /// Input picture, reduced by `scale` relative to the file.
-struct Seen {
+struct ReducedInput {
     source: Source,
     shown: Vec<[u8; 3]>,
     scale: f64,
@@ -200,7 +201,7 @@ impl Source {
     }
 }
 
-fn of_photograph(path: &Path) -> Result<Seen> {
+fn of_photograph(path: &Path) -> Result<ReducedInput> {
     let mut gray = Gray::read(path)?;
     let full = gray.width;
     while gray.width.max(gray.height) > LONGEST {
@@ -217,7 +218,7 @@ fn of_photograph(path: &Path) -> Result<Seen> {
     let warning = (clipped > 0.02).then(|| {
         format!("{:.0} % of the photograph are as bright as can be: highlights hide what lies in them", 100.0 * clipped)
     });
-    Ok(Seen { source: Source::Photograph(gray), shown, scale, warning })
+    Ok(ReducedInput { source: Source::Photograph(gray), shown, scale, warning })
 }
 
 /// Brightness relative to the local mean, minus one. Extreme contrast, such as that of a table beside the sample, is
@@ -249,7 +250,7 @@ fn without_lighting(gray: &Gray) -> Field {
     Field { width: w, height: h, values, mask: vec![1.0; w * h] }.centered()
 }
 
-fn of_map(input: &Path, palette: Palette) -> Result<Seen> {
+fn of_map(input: &Path, palette: Palette) -> Result<ReducedInput> {
     let mut maps = Maps::read(input)?;
     let full = maps.width;
     let longest = maps.width.max(maps.height);
@@ -270,7 +271,7 @@ fn of_map(input: &Path, palette: Palette) -> Result<Seen> {
     let shown = map.value.iter().zip(&map.mask).map(color).collect();
     let field = Field { width: maps.width, height: maps.height, values, mask: map.mask.clone() };
     let scale = full as f64 / field.width as f64;
-    Ok(Seen { source: Source::Map(field), shown, scale, warning: None })
+    Ok(ReducedInput { source: Source::Map(field), shown, scale, warning: None })
 }
 
 /// The analysed picture, with the outlines of a tile and its neighbours in the centre of the best part.

@@ -55,7 +55,7 @@ fn tiles_of_polygons_are_for_the_flash() {
 }
 
 #[test]
-fn what_changes_gradually_or_is_there_once_is_for_fringes() {
+fn gradual_changes_and_single_motifs_are_for_fringes() {
     let wave =
         |x: f64, y: f64| 0.5 + 0.2 * (2.0 * PI * x / 60.0).sin() + 0.2 * (2.0 * PI * (y / 45.0 + x / 60.0)).sin();
     let home = photograph([600, 440], &wave);
@@ -77,7 +77,7 @@ fn what_changes_gradually_or_is_there_once_is_for_fringes() {
 }
 
 #[test]
-fn maps_of_orientation_are_looked_at_as_lines() {
+fn orientation_maps_are_treated_as_lines() {
     // 0° and 180° are the same orientation: a tile with polygons on both sides of the wrap.
     let (w, h) = (320, 240);
     let angle = |i: usize| {
@@ -103,7 +103,7 @@ fn maps_of_orientation_are_looked_at_as_lines() {
 }
 
 #[test]
-fn what_is_no_picture_is_refused() {
+fn files_that_are_no_pictures_are_refused() {
     let home = tempfile::tempdir().unwrap();
     assert!(recommend(home.path(), Need::Period, Palette::Cyclic).is_err());
     assert!(recommend(&home.path().join("none.png"), Need::Period, Palette::Cyclic).is_err());

@@ -50,7 +50,7 @@ impl Sheet {
         0.2 + 0.6 * chance(polygon(at, tile, self.seed), 3, self.seed)
     }
 
-    fn looked_at(self) -> Report {
+    fn recommended(self) -> Report {
         let home = photograph([SIZE[0] as usize, SIZE[1] as usize], &|x, y| self.grey_at(x, y));
         recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap().0
     }
@@ -58,7 +58,7 @@ impl Sheet {
     /// Asserts that the detected tile is that of the sheet within a fraction of its size, and that this fraction of the
     /// 80 copies is found.
     fn is_found(self, within: f64, share: f64) {
-        let report = self.looked_at();
+        let report = self.recommended();
         let found = report.repeats.unwrap_or_else(|| panic!("{:?} {report:?}", self.askew));
         assert!(self.fits(&report, within), "{found:?} of {:?}", self.tile());
         assert!((80.0 * share..110.0).contains(&found.copies), "{found:?}");
@@ -103,7 +103,7 @@ fn steep_views_fail_without_a_claim() {
     let mut found = 0;
     for k in 0..10 {
         let sheet = Sheet { askew: [0.1 * f64::from(k), 0.0], table: 0.05, ..PLAIN };
-        let report = sheet.looked_at();
+        let report = sheet.recommended();
         assert!(report.repeats.is_none() || sheet.fits(&report, 0.2), "{k}: {report:?}");
         found += usize::from(report.repeats.is_some());
     }
@@ -111,7 +111,7 @@ fn steep_views_fail_without_a_claim() {
 }
 
 #[test]
-fn a_margin_around_what_is_there_once_makes_no_tile() {
+fn a_margin_around_a_single_motif_makes_no_tile() {
     for seed in 1..6 {
         let once = |x: f64, y: f64| {
             let inside = (30.0..570.0).contains(&x) && (25.0..415.0).contains(&y);

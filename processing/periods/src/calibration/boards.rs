@@ -1,7 +1,7 @@
 //! Camera calibration from photographs of a chessboard.
 
 use super::corners::{Board, View, find};
-use super::fit::{Fit, Seen, fit};
+use super::fit::{Fit, Observation, fit};
 use super::sample::CameraCovariance;
 use super::start;
 use nacre_base::estimate::Work;
@@ -102,18 +102,18 @@ pub fn calibrate(folder: &Path, board: &Board, progress: &dyn Progress) -> Resul
     progress.expect(&work(files.len(), size))?;
     progress.stage("looking for the board", files.len() as u64);
     // At most two in parallel, since each needs several copies of its photograph.
-    let looked: Vec<(PathBuf, Looked)> = files
+    let detected: Vec<(PathBuf, DetectedCorners)> = files
         .par_iter()
         .map(|path| {
             progress.check()?;
-            let found = look(path, board, size, first);
+            let found = detect_corners(path, board, size, first);
             progress.step();
             Ok((path.clone(), found))
         })
         .collect::<Result<_>>()?;
     let mut good = vec![];
     let mut unused = vec![];
-    for (path, found) in looked {
+    for (path, found) in detected {
         match found {
             Ok(corners) => good.push((path, corners)),
             Err(why) => unused.push((path, why)),
@@ -126,9 +126,9 @@ pub fn calibrate(folder: &Path, board: &Board, progress: &dyn Progress) -> Resul
 }
 
 /// Corners, or the reason why there are none.
-type Looked = std::result::Result<Vec<[f64; 2]>, String>;
+type DetectedCorners = std::result::Result<Vec<[f64; 2]>, String>;
 
-fn look(path: &Path, board: &Board, size: [usize; 2], first: &Path) -> Looked {
+fn detect_corners(path: &Path, board: &Board, size: [usize; 2], first: &Path) -> DetectedCorners {
     let why = |e: Error| match e {
         Error::Input { problem, .. } => problem,
         other => other.to_string(),
@@ -172,12 +172,12 @@ pub fn of_corners(
     let homographies: Vec<_> =
         good.iter().map(|(_, c)| homography(&places, c)).collect::<Option<_>>().ok_or_else(vague)?;
     let camera = start::camera(&homographies, size).ok_or_else(vague)?;
-    let seen: Vec<Seen> = good
+    let observations: Vec<Observation> = good
         .iter()
-        .map(|(_, c)| Some(Seen { pixels: c.clone(), pose: start::board_pose(&camera, &places, c)? }))
+        .map(|(_, c)| Some(Observation { pixels: c.clone(), pose: start::board_pose(&camera, &places, c)? }))
         .collect::<Option<_>>()
         .ok_or_else(vague)?;
-    let found = fit(camera, &seen, &places, progress)?;
+    let found = fit(camera, &observations, &places, progress)?;
     let sigma: [f64; 9] = std::array::from_fn(|k| found.covariance[(k, k)].sqrt());
     let [fx, fy] = found.camera.focal_px;
     if !(sigma[0] < VAGUE * fx && sigma[1] < VAGUE * fy) {

@@ -19,7 +19,7 @@ const STEPS: usize = 200;
 
 /// One photograph of the board.
 #[derive(Clone, Debug)]
-pub(super) struct Seen {
+pub(super) struct Observation {
     /// Corners in pixels.
     pub pixels: Vec<[f64; 2]>,
     /// From board to camera coordinates.
@@ -69,16 +69,21 @@ const LEAST_GAIN: f64 = 1e-14;
 ///
 /// # Errors
 /// `Input` if the photographs do not determine the camera; `Cancelled`.
-pub(super) fn fit(camera: Camera, seen: &[Seen], places: &[[f64; 2]], progress: &dyn Progress) -> Result<Fit> {
-    let boards = Boards { seen, places, progress };
-    let start = boards.at(camera, seen.iter().map(|s| s.pose).collect());
+pub(super) fn fit(
+    camera: Camera,
+    observations: &[Observation],
+    places: &[[f64; 2]],
+    progress: &dyn Progress,
+) -> Result<Fit> {
+    let boards = Boards { observations, places, progress };
+    let start = boards.at(camera, observations.iter().map(|s| s.pose).collect());
     let Found { camera, poses, sums } = levenberg_marquardt(&boards, start, DAMPING, STEPS)?;
     finished(camera, poses, &sums, places.len())
 }
 
 /// Photographs of the board, and its corners in board coordinates.
 struct Boards<'a> {
-    seen: &'a [Seen],
+    observations: &'a [Observation],
     places: &'a [[f64; 2]],
     progress: &'a dyn Progress,
 }
@@ -92,8 +97,9 @@ struct Found {
 
 impl Boards<'_> {
     fn at(&self, camera: Camera, poses: Vec<Pose>) -> Found {
-        let of = |(pose, seen): (&Pose, &Seen)| Sums::of(&camera, pose, &seen.pixels, self.places);
-        let sums = poses.par_iter().zip(self.seen).map(of).collect();
+        let of =
+            |(pose, observations): (&Pose, &Observation)| Sums::of(&camera, pose, &observations.pixels, self.places);
+        let sums = poses.par_iter().zip(self.observations).map(of).collect();
         Found { camera, poses, sums }
     }
 }

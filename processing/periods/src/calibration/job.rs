@@ -192,7 +192,7 @@ fn placed(
         SampleFrom::Default => return Ok(None),
         SampleFrom::Board(path, board, thickness) => {
             board.check()?;
-            let corners = look(path, geometry, board, View::Direct)?;
+            let corners = detect_corners(path, geometry, board, View::Direct)?;
             from_board(&geometry.camera, covariance, board, &corners, *thickness)?
         }
         SampleFrom::Corners(corners, size, sigma) => {
@@ -209,7 +209,7 @@ fn placed(
 }
 
 /// Corners of a board in a photograph by the camera.
-fn look(path: &Path, geometry: &Geometry, board: &Board, view: View) -> Result<Vec<[f64; 2]>> {
+fn detect_corners(path: &Path, geometry: &Geometry, board: &Board, view: View) -> Result<Vec<[f64; 2]>> {
     let image = Gray::read(path)?;
     let size = [image.width as u32, image.height as u32];
     if let Some(known) = geometry.image_px.filter(|known| *known != size) {
@@ -244,7 +244,7 @@ fn panel(
                     "show one with an odd and an even number, such as 9x6",
                 ));
             }
-            let corners = look(path, geometry, board, *view)?;
+            let corners = detect_corners(path, geometry, board, *view)?;
             let shown = Shown { corners: &corners, board: *board, view: *view, mirror_mm: *mirror_mm };
             from_photograph(&geometry.camera, covariance, sample, pixels, &shown)
         }

@@ -66,7 +66,7 @@ pub struct LightOptions {
 
 /// Position of a mirror image.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Seen {
+pub struct MirrorImage {
     /// Photograph, if the mirror image was detected in one.
     pub file: Option<String>,
     /// Pixels from the left and the top.
@@ -94,7 +94,7 @@ impl Mirror {
     }
 
     /// Position in a photograph of the folder, whose size must match the camera's.
-    fn seen(&self, folder: &Path, camera_px: Option<[u32; 2]>) -> Result<Seen> {
+    fn mirror_image(&self, folder: &Path, camera_px: Option<[u32; 2]>) -> Result<MirrorImage> {
         let (pixel, sigma_px) = match (&self.file, self.pixel) {
             (Some(file), _) => {
                 let path = folder.join(file);
@@ -114,7 +114,7 @@ impl Mirror {
             }
             (None, pixel) => (pixel.unwrap_or_default(), PICKED_PX),
         };
-        Ok(Seen { file: self.file.clone(), pixel, sigma_px, height_mm: self.height_mm })
+        Ok(MirrorImage { file: self.file.clone(), pixel, sigma_px, height_mm: self.height_mm })
     }
 }
 
@@ -173,24 +173,25 @@ impl LightOptions {
     }
 
     /// Given wavelength and standard deviation in nm.
-    pub(super) fn said_nm(&self) -> Option<[f64; 2]> {
+    pub(super) fn stated_nm(&self) -> Option<[f64; 2]> {
         self.wavelength_nm.map(|nm| [nm, self.wavelength_sigma_nm.unwrap_or(DATA_SHEET_NM)])
     }
 
     /// Positions of the mirror images, and further measurements.
-    pub(super) fn look(
+    pub(super) fn measured_highlights(
         &self,
         folder: &Path,
         camera_px: Option<[u32; 2]>,
-    ) -> Result<(Vec<Seen>, Vec<Highlight>, Known)> {
-        let seen: Vec<Seen> = self.highlights.iter().map(|m| m.seen(folder, camera_px)).collect::<Result<_>>()?;
-        let places = seen.iter().zip(&self.highlights);
+    ) -> Result<(Vec<MirrorImage>, Vec<Highlight>, Known)> {
+        let mirror_images: Vec<MirrorImage> =
+            self.highlights.iter().map(|m| m.mirror_image(folder, camera_px)).collect::<Result<_>>()?;
+        let places = mirror_images.iter().zip(&self.highlights);
         let highlights =
             places.map(|(s, m)| Highlight { pixel: s.pixel, height_mm: m.height_mm, tilt_deg: m.tilt_deg }).collect();
-        let sigma_px = seen.iter().fold(PICKED_PX, |most, s| most.max(s.sigma_px));
+        let sigma_px = mirror_images.iter().fold(PICKED_PX, |most, s| most.max(s.sigma_px));
         if !sigma_px.is_finite() {
             return bad("highlights", "are not sharp enough to be placed", "give their places in pixels");
         }
-        Ok((seen, highlights, Known { sigma_px, height_mm: self.light_height_mm }))
+        Ok((mirror_images, highlights, Known { sigma_px, height_mm: self.light_height_mm }))
     }
 }

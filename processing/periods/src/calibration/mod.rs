@@ -31,7 +31,7 @@ pub use corners::{Board, View, find};
 pub use highlight::{Found, find_highlight};
 pub use job::{CameraFrom, Outcome, PanelFrom, Request, SampleFrom, calibrate_geometry};
 pub use light::{Highlight, Known, PlacedLight, from_highlights};
-pub use mirrors::{LightOptions, Mirror, Seen};
+pub use mirrors::{LightOptions, Mirror, MirrorImage};
 pub use nacre_image::Gray;
 pub use nacre_image::{homography, mapped};
 pub use overlay::overlay;

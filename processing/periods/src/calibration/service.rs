@@ -6,7 +6,7 @@ use super::boards::Calibrated;
 use super::corners::Board;
 use super::job::{CameraFrom, Request, SampleFrom, calibrate_geometry};
 use super::light::Known;
-use super::mirrors::{LightOptions, Seen};
+use super::mirrors::{LightOptions, MirrorImage};
 use super::overlay::overlay;
 use super::report::Report;
 use super::summary::summary;
@@ -73,7 +73,7 @@ pub struct Calibration {
     pub report: Report,
     /// Mirror images of the light.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub highlights: Vec<Seen>,
+    pub highlights: Vec<MirrorImage>,
     /// Spectral band, if spectra are given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub band: Option<Band>,
@@ -118,7 +118,7 @@ impl Options {
             panel: None,
             highlights: vec![],
             known: Known { sigma_px: 1.0, height_mm: None },
-            wavelength_nm: self.light.said_nm(),
+            wavelength_nm: self.light.stated_nm(),
         })
     }
 
@@ -183,11 +183,11 @@ impl Operation for Options {
     /// Writes `geometry.json` and each photograph with its detected board.
     fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Calibration> {
         let mut request = self.request(input)?;
-        let mut seen = vec![];
+        let mut mirror_images = vec![];
         if !self.light.highlights.is_empty() {
             progress.stage("looking for the light", 0);
             let camera_px = self.geometry.as_ref().and_then(|g| g.image_px);
-            (seen, request.highlights, request.known) = self.light.look(input, camera_px)?;
+            (mirror_images, request.highlights, request.known) = self.light.measured_highlights(input, camera_px)?;
         }
         let mut found = calibrate_geometry(&request, progress)?;
         let band = self.light.band()?;
@@ -200,7 +200,7 @@ impl Operation for Options {
             write_overlays(out, boards, board)?;
         }
         let report = found.report;
-        Ok(Calibration { method: "calibrate", geometry: found.geometry, report, highlights: seen, band })
+        Ok(Calibration { method: "calibrate", geometry: found.geometry, report, highlights: mirror_images, band })
     }
 }
 

@@ -10,43 +10,43 @@ pub(super) const SPECULAR: f64 = 5.5;
 
 /// Model error from non-Gaussian lobes and unequal copies: standard deviation relative to the light itself, and
 /// relative to the brightest copy.
-const UNLIKE: [f64; 2] = [0.04, 0.004];
+const MODEL_ERROR: [f64; 2] = [0.04, 0.004];
 
 /// Minimum brightness of the brightest copy, in standard deviations of its noise, at a lit position.
-const LIT: f64 = 6.0;
+const MIN_SNR: f64 = 6.0;
 
 /// Number of bright copies that provide start values, and their minimum brightness relative to the brightest.
 const STARTS: usize = 6;
 const BRIGHT: f64 = 0.12;
 
 /// Number of start values followed, and the number with few copies near a lobe.
-const FOLLOWED: [usize; 2] = [4, 10];
+const FOLLOWED_STARTS: [usize; 2] = [4, 10];
 
 /// Number of copies near a lobe above which a few start values find all gratings. With fewer, start values surround the
 /// bright copies.
-const MANY: usize = 9;
+const ENOUGH_COPIES: usize = 9;
 
 /// Minimum number of copies near a lobe. Unknowns are the grating vector (with a shared length, its direction) and the
 /// light, so fewer copies leave no redundancy.
-const FEWEST: [usize; 2] = [4, 3];
+const MIN_COPIES: [usize; 2] = [4, 3];
 
 /// Fraction of a lobe's peak above which a copy is near it.
 const NEAR: f64 = 0.02;
 
 /// χ² difference, in units of the best fit's residual, above which another grating is ruled out.
-const RULED_OUT: f64 = 16.0;
+const EXCLUSION_CHI2: f64 = 16.0;
 
 /// Light of a second grating relative to the first, above which a position has several gratings.
-const SECOND: f64 = 0.12;
+const MAX_SECOND_GRATING: f64 = 0.12;
 
 /// Light of higher orders relative to the first, above which a solution is rejected.
-const HIGHER: f64 = 2.0;
+const MAX_HIGHER_ORDERS: f64 = 2.0;
 
 /// χ² per copy in a lobe above which a fit is rejected.
-const POOR: f64 = 6.0;
+const MAX_CHI2: f64 = 6.0;
 
 /// Maximum σ of an orientation in rad (as in maps from polarization), and relative σ of a period.
-const UNCERTAIN: [f64; 2] = [0.125, 0.125];
+const MAX_SIGMA: [f64; 2] = [0.125, 0.125];
 
 /// Result at a position.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +54,7 @@ pub(super) enum Found {
     /// A grating.
     Grating(Grating),
     /// The reason for masking.
-    Masked(Why),
+    Masked(MaskReason),
 }
 
 /// A grating with its uncertainty.
@@ -72,7 +72,7 @@ pub(super) struct Grating {
 
 /// Reason for masking.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Why {
+pub(super) enum MaskReason {
     /// No photograph shows a copy.
     Unseen,
     /// No diffracted light.
@@ -96,7 +96,7 @@ pub(super) struct Observed {
 }
 
 /// Copies of a position outside of the zero order.
-pub(super) struct Outside {
+pub(super) struct DiffractedCopies {
     /// Light divided by irradiance; weights are inverse variances of camera noise.
     copies: Vec<Copy>,
     /// Light of the brightest copy.
@@ -105,14 +105,14 @@ pub(super) struct Outside {
     pub median: f64,
 }
 
-impl Outside {
+impl DiffractedCopies {
     /// From photographed copies.
     ///
     /// # Errors
     /// `Unseen` without copies.
-    pub fn of(observed: &[Observed], lobe: &Lobe) -> Result<Self, Why> {
+    pub fn of(observed: &[Observed], lobe: &Lobe) -> Result<Self, MaskReason> {
         let usable = observed.iter().filter(|o| o.light[0].is_finite() && o.light[1] > 0.0);
-        let outside = usable.filter_map(|o| {
+        let diffracted = usable.filter_map(|o| {
             let shape = lobe.at(&o.seen);
             let gain = o.seen.gain;
             let half = lobe.middle(&o.seen);
@@ -120,49 +120,51 @@ impl Outside {
             let weight = gain * gain / f64::from(o.light[1]);
             far.then(|| Copy { half, shape, light: f64::from(o.light[0]) / gain, weight })
         });
-        let copies: Vec<Copy> = outside.collect();
+        let copies: Vec<Copy> = diffracted.collect();
         let mut lights: Vec<f64> = copies.iter().map(|c| c.light).collect();
         let brightest = lights.iter().copied().fold(f64::MIN, f64::max);
-        let median = median(&mut lights).ok_or(Why::Unseen)?;
+        let median = median(&mut lights).ok_or(MaskReason::Unseen)?;
         Ok(Self { copies, brightest, median })
     }
 
     /// True if no copy is near a lobe. If most copies are equally bright, the light is stray light.
     pub fn is_dark(&self) -> bool {
         let noise = self.copies.iter().filter(|c| c.light >= self.brightest).map(|c| c.weight.powf(-0.5));
-        self.brightest <= LIT * noise.fold(0.0, f64::max)
+        self.brightest <= MIN_SNR * noise.fold(0.0, f64::max)
             || (self.copies.len() > 8 && self.brightest < 4.0 * self.median)
     }
 
     /// Light relative to a unit; the model error is added to the noise.
-    pub fn over(&self, unit: f64) -> Vec<Copy> {
+    pub fn normalised(&self, unit: f64) -> Vec<Copy> {
         let copy = |c: &Copy| {
             let light = c.light / unit;
-            let unlike = (UNLIKE[0] * light).powi(2) + UNLIKE[1] * UNLIKE[1];
-            Copy { light, weight: 1.0 / (1.0 / (c.weight * unit * unit) + unlike), ..*c }
+            let model_variance = (MODEL_ERROR[0] * light).powi(2) + MODEL_ERROR[1] * MODEL_ERROR[1];
+            Copy { light, weight: 1.0 / (1.0 / (c.weight * unit * unit) + model_variance), ..*c }
         };
         self.copies.iter().map(copy).collect()
     }
 }
 
 /// Copies outside of the zero order, relative to the brightest; the error is the reason without light.
-pub(super) fn copies(observed: &[Observed], lobe: &Lobe) -> Result<Vec<Copy>, Why> {
-    let outside = Outside::of(observed, lobe)?;
-    if outside.is_dark() { Err(Why::Dark) } else { Ok(outside.over(outside.brightest)) }
+pub(super) fn copies(observed: &[Observed], lobe: &Lobe) -> Result<Vec<Copy>, MaskReason> {
+    let diffracted = DiffractedCopies::of(observed, lobe)?;
+    if diffracted.is_dark() { Err(MaskReason::Dark) } else { Ok(diffracted.normalised(diffracted.brightest)) }
 }
 
 /// Fits a grating to the copies.
 pub(super) fn fit(copies: &[Copy], prior: &Prior) -> Found {
     let near = |s: &Solution| copies.iter().filter(|c| s.inside(c) > NEAR).count();
     let mut solutions = solutions(copies, prior, false);
-    if solutions.iter().any(|s| near(s) < MANY) {
+    if solutions.iter().any(|s| near(s) < ENOUGH_COPIES) {
         solutions.extend(self::solutions(copies, prior, true));
     }
     // Bright higher orders with a dark first order would require a depth above a quarter of a wavelength.
-    solutions.retain(|s| s.orders[0] > 5.0 * s.first_sigma && s.orders[1..].iter().all(|o| *o < HIGHER * s.orders[0]));
+    solutions.retain(|s| {
+        s.orders[0] > 5.0 * s.first_sigma && s.orders[1..].iter().all(|o| *o < MAX_HIGHER_ORDERS * s.orders[0])
+    });
     solutions.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let Some(best) = solutions.first() else { return Found::Masked(Why::Unexplained) };
-    let per_copy = left_over(best, copies);
+    let Some(best) = solutions.first() else { return Found::Masked(MaskReason::Unexplained) };
+    let per_copy = chi2_per_copy(best, copies);
     let scale = per_copy.max(1.0);
     let [xx, xy, yy] = best.covariance.map(|c| c * scale);
     let length = best.vector[0].hypot(best.vector[1]);
@@ -171,28 +173,28 @@ pub(super) fn fit(copies: &[Copy], prior: &Prior) -> Found {
     let (orientation_sigma, length_sigma) = (variance(-y, x).sqrt() / length, variance(x, y).sqrt());
     let masked = |why| Found::Masked(why);
     if has_second(best, copies) {
-        return masked(Why::Several);
+        return masked(MaskReason::Several);
     }
-    if per_copy > POOR {
-        return masked(Why::Unexplained);
+    if per_copy > MAX_CHI2 {
+        return masked(MaskReason::Unexplained);
     }
     // A better solution may lie beyond the end of the searched range.
     if prior.shared.is_none() && !(prior.range[0] * 1.01..prior.range[1] * 0.99).contains(&length) {
-        return masked(Why::Ambiguous);
+        return masked(MaskReason::Ambiguous);
     }
-    if near(best) < FEWEST[usize::from(prior.shared.is_some())] {
-        return masked(Why::Uncertain);
+    if near(best) < MIN_COPIES[usize::from(prior.shared.is_some())] {
+        return masked(MaskReason::Uncertain);
     }
-    if !(orientation_sigma < UNCERTAIN[0] && length_sigma < UNCERTAIN[1] * length) {
-        return masked(Why::Uncertain);
+    if !(orientation_sigma < MAX_SIGMA[0] && length_sigma < MAX_SIGMA[1] * length) {
+        return masked(MaskReason::Uncertain);
     }
     let other = |s: &&Solution| {
         let [dx, dy] = nearer(best.vector, s.vector);
         let apart = dx.hypot(dy) > 3.0 * (orientation_sigma * length).max(length_sigma).max(1e-3 * length);
-        apart && s.cost - best.cost < RULED_OUT * scale
+        apart && s.cost - best.cost < EXCLUSION_CHI2 * scale
     };
     if solutions.iter().skip(1).any(|s| other(&s)) || is_higher_order(best, copies, prior) {
-        return masked(Why::Ambiguous);
+        return masked(MaskReason::Ambiguous);
     }
     let orientation = y.atan2(x).rem_euclid(std::f64::consts::PI);
     Found::Grating(Grating { orientation, length, orientation_sigma, length_sigma })
@@ -239,7 +241,7 @@ fn solutions(copies: &[Copy], prior: &Prior, around: bool) -> Vec<Solution> {
     let mut followed: Vec<[f64; 2]> = vec![];
     for (start, _) in &starts {
         let apart = |f: &[f64; 2]| copies.first().is_some_and(|c| c.shape.square(nearer(*start, *f)) > 0.8);
-        if followed.len() < FOLLOWED[usize::from(around)] && followed.iter().all(apart) {
+        if followed.len() < FOLLOWED_STARTS[usize::from(around)] && followed.iter().all(apart) {
             followed.push(*start);
         }
     }
@@ -260,7 +262,7 @@ fn places(around: bool) -> Vec<[f64; 2]> {
 }
 
 /// χ² per copy in a lobe and degree of freedom.
-fn left_over(best: &Solution, copies: &[Copy]) -> f64 {
+fn chi2_per_copy(best: &Solution, copies: &[Copy]) -> f64 {
     let inside = copies.iter().filter(|c| best.inside(c) > 0.05);
     let (sum, count) = inside.fold((0.0, 0), |(sum, count), c| {
         let left = c.light - best.light(c);
@@ -274,7 +276,7 @@ fn has_second(best: &Solution, copies: &[Copy]) -> bool {
     let first = best.orders[0];
     copies.iter().any(|c| {
         let left = c.light - best.light(c);
-        left > 5.0 / c.weight.sqrt() && left > SECOND * first * c.shape.peak && best.inside(c) < 0.01
+        left > 5.0 / c.weight.sqrt() && left > MAX_SECOND_GRATING * first * c.shape.peak && best.inside(c) < 0.01
     })
 }
 

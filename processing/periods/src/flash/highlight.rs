@@ -12,7 +12,7 @@ const REACH: f64 = 3.5;
 const INSIDE: f64 = 0.986;
 
 /// Maximum number of pixels along each axis.
-const LOOKED_AT: usize = 1200;
+const MAX_PIXELS: usize = 1200;
 
 /// Number of moment iterations.
 const ROUNDS: usize = 8;
@@ -29,7 +29,7 @@ pub(super) struct Highlight {
 }
 
 /// Light and position.
-type Seen = (f64, [f64; 2]);
+type PixelLight = (f64, [f64; 2]);
 
 /// Finds the highlight of a light at a known position, or at a known height; `None` if it is not in the picture.
 pub(super) fn find(
@@ -39,10 +39,10 @@ pub(super) fn find(
     light_mm: Option<[f64; 3]>,
     height_mm: Option<f64>,
 ) -> Option<Highlight> {
-    let all = seen(photograph, view, extent);
+    let all = pixel_lights(photograph, view, extent);
     let peak = brightest(photograph, view, extent)?;
     let light = light_mm.or_else(|| height_mm.map(|height| view.light_at(peak.1, height)))?;
-    let step = (photograph.width.max(photograph.height) / LOOKED_AT + 1) as f64;
+    let step = (photograph.width.max(photograph.height) / MAX_PIXELS + 1) as f64;
     let half_of_peak = 0.5 * peak.0;
     // Positions in the light's plane, relative to the peak.
     let center = view.half(peak.1, light);
@@ -92,8 +92,8 @@ pub(super) fn find(
 }
 
 /// Light and position of pixels on the sheet; saturated pixels are infinitely bright.
-fn seen(photograph: &Photograph, view: &View, [low, high]: [[f64; 2]; 2]) -> Vec<Seen> {
-    let step = photograph.width.max(photograph.height) / LOOKED_AT + 1;
+fn pixel_lights(photograph: &Photograph, view: &View, [low, high]: [[f64; 2]; 2]) -> Vec<PixelLight> {
+    let step = photograph.width.max(photograph.height) / MAX_PIXELS + 1;
     let columns = photograph.width / step;
     let pixel = |i: usize| {
         let (x, y) = (i % columns * step, i / columns * step);
@@ -106,7 +106,7 @@ fn seen(photograph: &Photograph, view: &View, [low, high]: [[f64; 2]; 2]) -> Vec
 }
 
 /// Position with the largest mean over 3 × 3 pixels.
-fn brightest(photograph: &Photograph, view: &View, [low, high]: [[f64; 2]; 2]) -> Option<Seen> {
+fn brightest(photograph: &Photograph, view: &View, [low, high]: [[f64; 2]; 2]) -> Option<PixelLight> {
     let (width, height) = (photograph.width, photograph.height);
     let finite = photograph.light.par_iter().copied().filter(|v| v.is_finite()).max_by(f32::total_cmp)?;
     let at = |x: usize, y: usize| {

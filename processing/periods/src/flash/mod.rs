@@ -13,9 +13,7 @@
 //! Undetermined positions are masked: those without light, with several gratings, with too few copies near a lobe, and
 //! with an ambiguous order.
 
-mod agree;
 mod corners;
-mod decide;
 mod fit;
 mod highlight;
 mod input;
@@ -23,14 +21,16 @@ mod lobe;
 mod operation;
 mod output;
 mod paper;
+mod period_selection;
 mod photographs;
 mod reconstruct;
+mod regularisation;
 mod report;
-mod said;
 mod settings;
 mod shared;
 mod solve;
 mod spool;
+mod summary;
 mod tiling;
 mod view;
 

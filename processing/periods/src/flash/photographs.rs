@@ -10,7 +10,7 @@ use rayon::prelude::*;
 const ASSUMED: NoiseModel = NoiseModel { full_scale_e: 5000.0, read_noise_e: 10.0 };
 
 /// Maximum number of lights of a set.
-const MOST_LIGHTS: usize = 1000;
+const MAX_LIGHTS: usize = 1000;
 
 /// Exposures under one light.
 pub(super) struct Group {
@@ -64,7 +64,7 @@ pub(super) fn groups(frames: &LoadedFrames) -> Result<Groups> {
     if lights.is_empty() {
         return refuse("holds no photograph under the flash", "take one to five, with the flash at different places");
     }
-    if lights.len() > MOST_LIGHTS {
+    if lights.len() > MAX_LIGHTS {
         return refuse("holds more than 1000 places of the flash", "give fewer");
     }
     for group in lights.iter_mut().chain(&mut room) {

@@ -1,15 +1,15 @@
 //! Flash reconstruction: maps, pictures and a report in a new folder.
 
-use super::agree::{agreed, believed};
 use super::corners;
-use super::decide::decide;
-use super::fit::{Found, Observed, SPECULAR, Why, copies, fit};
+use super::fit::{Found, MaskReason, Observed, SPECULAR, copies, fit};
 use super::highlight::{self, Highlight};
 use super::input::{completed, known_lights, wavelength};
 use super::lobe::Lobe;
 use super::output::Output;
 use super::paper::brightest;
+use super::period_selection::select_periods;
 use super::photographs::{Photograph, groups, merged};
+use super::regularisation::{mask_accidental, regularised};
 use super::report::{DirectionsReport, PeriodReport, Report, Seconds};
 use super::settings::{Directions, Orientation, PeriodChoice, Settings};
 use super::shared;
@@ -233,14 +233,14 @@ impl Job {
             }
         };
         let mut found = self.rows(progress, &of(prior))?;
-        let decision = decide(&found, self.tiling.width, settings.period, self.view.uneven);
-        let mut prior = Prior { shared: decision.shared, ..prior };
-        if decision.shared.is_some() {
+        let selection = select_periods(&found, self.tiling.width, settings.period, self.view.uneven);
+        let mut prior = Prior { shared: selection.shared, ..prior };
+        if selection.shared.is_some() {
             progress.stage("fitting gratings of one period", self.tiling.height as u64);
             found = self.rows(progress, &of(prior))?;
         }
-        let found = believed(agreed(&found, self.tiling.width));
-        let mut period = decision.report;
+        let found = mask_accidental(regularised(&found, self.tiling.width));
+        let mut period = selection.report;
         // Masked pixels provide no evidence about the period.
         if !found.iter().any(|f| matches!(f, Found::Grating(_))) {
             prior.shared = None;
@@ -278,7 +278,7 @@ impl Job {
                 [highlight[0] - place[0], highlight[1] - place[1]]
             })
             .collect();
-        brightest(observed, &towards, lobe).map_or(Found::Masked(Why::Dark), Found::Grating)
+        brightest(observed, &towards, lobe).map_or(Found::Masked(MaskReason::Dark), Found::Grating)
     }
 
     /// Prior range of grating-vector lengths: as requested, or all lengths outside of the zero order and within the
@@ -312,7 +312,7 @@ impl Job {
                     sums.push(WIDTHS.map(|width| {
                         let lobe = Lobe { light_mm: width * highlight.light_mm, ..*highlight };
                         // The same copies for all widths, so that residuals are comparable.
-                        left_over(observed, highlight, &lobe, prior)
+                        residual(observed, highlight, &lobe, prior)
                     }));
                 }
             })?;
@@ -347,7 +347,7 @@ impl Job {
 }
 
 /// Residual of the best fit with a lobe; `None` without light.
-fn left_over(observed: &[Observed], same: &Lobe, lobe: &Lobe, prior: &Prior) -> Option<f64> {
+fn residual(observed: &[Observed], same: &Lobe, lobe: &Lobe, prior: &Prior) -> Option<f64> {
     // The widest lobe's zero order is excluded for all widths, so that the copies are the same.
     let widest = Lobe { light_mm: same.light_mm * WIDTHS[WIDTHS.len() - 1], ..*same };
     let usable = |o: &&Observed| {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 const PERIODS_UM: [f64; 2] = [0.1, 100.0];
 
 /// Maximum number of tiles.
-const MOST_TILES: usize = 10_000;
+const MAX_TILES: usize = 10_000;
 
 /// Reconstruct orientation and absolute period of gratings on a sheet of repeated tiles, from photographs under a
 /// flash.
@@ -188,7 +188,7 @@ impl Settings {
             }
         }
         if let Some([columns, rows]) = self.tiles
-            && !(1..=MOST_TILES).contains(&columns.saturating_mul(rows))
+            && !(1..=MAX_TILES).contains(&columns.saturating_mul(rows))
         {
             return Err(Error::input("--tiles", format!("are {columns} × {rows}"), "give 1 to 10000 in all"));
         }

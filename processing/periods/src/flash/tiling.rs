@@ -20,7 +20,7 @@ const ALIKE: f64 = 0.6;
 
 /// Maximum number of pixels of a tile, and maximum number of copies of all its pixels.
 const MOST_PIXELS: usize = 16 << 20;
-const MOST_COPIES: usize = 512 << 20;
+const MAX_COPIES: usize = 512 << 20;
 
 /// Maximum number of Lucas-Kanade iterations.
 const STEPS: usize = 12;
@@ -85,7 +85,7 @@ impl Tiling {
 
     fn checked(self) -> Result<Self> {
         let (pixels, tiles) = (self.width.saturating_mul(self.height), self.origins.len());
-        if self.width.min(self.height) < 2 || pixels > MOST_PIXELS || pixels.saturating_mul(tiles) > MOST_COPIES {
+        if self.width.min(self.height) < 2 || pixels > MOST_PIXELS || pixels.saturating_mul(tiles) > MAX_COPIES {
             let problem = format!("make maps of {} × {} pixels of {tiles} tiles", self.width, self.height);
             return Err(Error::input("--tiles, --pixel-mm", problem, "choose other tiles, or a larger --pixel-mm"));
         }

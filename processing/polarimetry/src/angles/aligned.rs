@@ -1,7 +1,7 @@
 //! Corrections for a wedged analyser and an inexact stage: shifts between photographs, and analyser-angle errors.
 
 use crate::FrameNoise;
-use crate::angles::angle_error::Misses;
+use crate::angles::angle_error::AngleErrorEstimate;
 use crate::fit::views::View;
 use nacre_frames::LoadedFrames;
 use nacre_image::registration::{Alignment, Registrar, Resampler};
@@ -18,14 +18,14 @@ const FINDABLE_DEG: f64 = 15.0;
 /// Analyser-angle errors estimated from the residuals.
 pub(crate) enum AngleErrors {
     /// The fit was repeated with corrected angles.
-    Corrected(Misses),
+    Corrected(AngleErrorEstimate),
     /// The stated angles were kept.
-    Kept(Misses),
+    Kept(AngleErrorEstimate),
 }
 
 impl AngleErrors {
     /// The errors, if angles were corrected.
-    pub(crate) fn corrected(&self) -> Option<&Misses> {
+    pub(crate) fn corrected(&self) -> Option<&AngleErrorEstimate> {
         match self {
             Self::Corrected(errors) => Some(errors),
             Self::Kept(_) => None,
@@ -45,19 +45,19 @@ impl AngleErrors {
     fn drift(&self, largest: impl Fn(&[f64]) -> Option<(f64, String)>) -> Option<String> {
         let (Self::Corrected(found) | Self::Kept(found)) = self;
         let rms = found.drift()?;
-        let (most, file) = largest(&found.lights)?;
+        let (most, file) = largest(&found.light_changes)?;
         Some(format!(
             "the light changed between photographs by {:.2} ± {:.2} % (root mean square), most at {file} ({:+.2} %): a lamp that drifts, or exposure times \
              that differ. Polarization is off by about half of that. Let the lamp warm up, or state each frame's exposure_s in proportion to its light",
             100.0 * rms,
-            100.0 * found.lights_left,
+            100.0 * found.light_sigma,
             100.0 * most
         ))
     }
 
     fn kept(&self, largest: impl Fn(&[f64]) -> Option<(f64, String)>) -> Option<String> {
         let Self::Kept(found) = self else { return None };
-        let Misses { errors, left, .. } = found;
+        let AngleErrorEstimate { errors, sigma, .. } = found;
         if !found.is_worth_correcting() {
             return None;
         }
@@ -69,9 +69,9 @@ impl AngleErrors {
                  and whether the light changed between photographs"
             ));
         }
-        let [left, largest] = [*left, largest].map(f64::to_degrees);
+        let [sigma, largest] = [*sigma, largest].map(f64::to_degrees);
         Some(format!(
-            "the residuals show a pattern as of analyser-angle errors of {rms:.2}° ± {left:.2}° (root mean square), the largest of {largest:+.2}° at \
+            "the residuals show a pattern as of analyser-angle errors of {rms:.2}° ± {sigma:.2}° (root mean square), the largest of {largest:+.2}° at \
              {file}, or of light that changed between photographs; the stated angles were kept. If the analyser can be that inexact, state \
              angle_sigma_deg in frames.json, and the angles are corrected"
         ))
@@ -88,6 +88,6 @@ pub(crate) fn smoothed_noise(noise: &mut [FrameNoise], shifts: &[[f64; 2]], [wid
 /// Ratio of the variance of a mean over many pixels to the variance expected from the resampled pixels' noise, which is
 /// correlated between neighbours.
 pub(crate) fn correlated(shifts: &[[f64; 2]], [width, height]: [usize; 2]) -> f64 {
-    let left = |shift: &[f64; 2]| Resampler::new(*shift, width, height).noise_factor();
-    shifts.len().max(1) as f64 / shifts.iter().map(left).sum::<f64>().max(f64::MIN_POSITIVE)
+    let sigma = |shift: &[f64; 2]| Resampler::new(*shift, width, height).noise_factor();
+    shifts.len().max(1) as f64 / shifts.iter().map(sigma).sum::<f64>().max(f64::MIN_POSITIVE)
 }

@@ -20,7 +20,7 @@ use std::ops::Range;
 
 /// Combinations of angles with less information than this fraction of the best one's (as a variance) count as
 /// unobservable.
-const TOLD: f64 = 1e-4;
+const MIN_INFORMATION: f64 = 1e-4;
 
 /// Iterations of the weighting.
 const ROUNDS: usize = 20;
@@ -33,11 +33,11 @@ const PASSES: usize = 4;
 const CONVERGED: f64 = 1e-6;
 
 /// Iterations of the estimate of both prior variances, and their initial value: 0.5° for angles, 1 % for the light.
-const LEARNED: usize = 40;
-const AT_FIRST: f64 = 1e-4;
+const PRIOR_ITERATIONS: usize = 40;
+const INITIAL_VARIANCE: f64 = 1e-4;
 
 /// Relative change of the prior variances that ends the iterations.
-const SETTLED: f64 = 0.01;
+const PRIOR_CONVERGED: f64 = 0.01;
 
 /// Combinations of errors with less information than this fraction of the best one's are unobservable: their
 /// information is rounding error.
@@ -46,7 +46,7 @@ const EXACT: f64 = 1e-9;
 /// Root mean square angle error in rad below which rereading the photographs is not worthwhile: twelve angles with
 /// random errors of 0.05° cause orientation errors of 0.01°. The distortion of a circle by errors of 0.1° may already
 /// be mistaken for a film.
-const WORTH: f64 = 0.05 * PI / 180.0;
+const MIN_RMS: f64 = 0.05 * PI / 180.0;
 
 /// Root mean square change of the light between photographs from which a warning is issued, and its minimum in standard
 /// deviations. A change of 0.1 % shifts points by about the noise of a good camera's pixel.
@@ -58,7 +58,7 @@ const DRIFT_SIGMA: f64 = 5.0;
 const VARIED: f64 = 1e-3;
 
 /// Largest remaining standard deviation, relative to the root mean square error, for which a correction is applied.
-const KNOWN: f64 = 0.5;
+const MAX_RELATIVE_SIGMA: f64 = 0.5;
 
 /// Standard deviation of the analyser's angle errors in rad, about their stated values. `maps` is the fit of these
 /// views, in blocks of 64 pixels. `None` for three angles, which leave no residuals, and if no combination of angles is
@@ -70,48 +70,48 @@ pub fn angle_sigma(views: &[&[f32]], design: &Design, maps: &StokesMaps) -> Opti
 
 /// Analyser-angle errors of the individual views.
 #[derive(Clone, Debug)]
-pub struct Misses {
+pub struct AngleErrorEstimate {
     /// True minus stated angle per view in rad. The mean, which is unobservable, is set to 0.
     pub errors: Vec<f64>,
     /// Standard deviation of the estimated errors in rad.
-    pub left: f64,
+    pub sigma: f64,
     /// Relative change of the light of each view. The mean, which is unobservable, is set to 0.
-    pub lights: Vec<f64>,
+    pub light_changes: Vec<f64>,
     /// Standard deviation of the estimated light changes.
-    pub lights_left: f64,
+    pub light_sigma: f64,
 }
 
-impl Misses {
+impl AngleErrorEstimate {
     /// Whether rereading the photographs with corrected angles is worthwhile.
     pub(crate) fn is_worth_correcting(&self) -> bool {
         let rms = root_mean_square(&self.errors);
-        rms > WORTH && self.left < KNOWN * rms
+        rms > MIN_RMS && self.sigma < MAX_RELATIVE_SIGMA * rms
     }
 
     /// Root mean square change of the light, if it is significant.
     pub(crate) fn drift(&self) -> Option<f64> {
-        Some(root_mean_square(&self.lights)).filter(|rms| *rms > DRIFT && DRIFT_SIGMA * self.lights_left < *rms)
+        Some(root_mean_square(&self.light_changes)).filter(|rms| *rms > DRIFT && DRIFT_SIGMA * self.light_sigma < *rms)
     }
 }
 
 /// Estimates the errors of analyser angles (rad) from views in blocks of 64 pixels. `stated` is their stated standard
 /// deviation; `fit` solves the views for other angles. `None` if no correction is worthwhile.
-pub fn misses(
+pub fn angle_errors(
     views: &[&[f32]],
     angles: &[f64],
     stated: Option<f64>,
     fit: impl Fn(&[f64], &Design) -> StokesMaps,
-) -> Option<Misses> {
-    estimate(views, angles, stated, fit).filter(Misses::is_worth_correcting)
+) -> Option<AngleErrorEstimate> {
+    estimate(views, angles, stated, fit).filter(AngleErrorEstimate::is_worth_correcting)
 }
 
-/// As [`misses`], also for errors that are not worth a correction. `None` if nothing is observable.
+/// As [`angle_errors`], also for errors that are not worth a correction. `None` if nothing is observable.
 pub(super) fn estimate(
     views: &[&[f32]],
     angles: &[f64],
     stated: Option<f64>,
     fit: impl Fn(&[f64], &Design) -> StokesMaps,
-) -> Option<Misses> {
+) -> Option<AngleErrorEstimate> {
     if stated.is_some_and(|s| s <= 0.0) {
         return None;
     }
@@ -124,23 +124,24 @@ pub(super) fn estimate(
     for _ in 0..PASSES {
         let moved: Vec<f64> = angles.iter().zip(&errors).map(|(a, e)| a + e).collect();
         let design = Design::new(&moved).ok()?;
-        let (found, covariance) = Evidence::new(views, &design, &fit(&moved, &design))?.likeliest(&errors, stated)?;
+        let (found, covariance) =
+            Evidence::new(views, &design, &fit(&moved, &design))?.max_posterior(&errors, stated)?;
         let step = found.rows(ANGLE * n, n).into_owned();
         errors += &step;
         last = Some((found, covariance));
-        if step.norm() < CONVERGED || root_mean_square(errors.as_slice()) < 0.5 * WORTH {
+        if step.norm() < CONVERGED || root_mean_square(errors.as_slice()) < 0.5 * MIN_RMS {
             break;
         }
     }
     let (found, covariance) = last?;
     // A common rotation is unobservable and irrelevant, as is a common change of the light.
     let centred = |all: DVector<f64>| all.add_scalar(-all.mean()).iter().copied().collect();
-    let left = |kind: usize| {
+    let sigma = |kind: usize| {
         let own = covariance.view((kind * n, kind * n), (n, n));
         ((own.trace() - own.sum() / n as f64) / (n - 1) as f64).max(0.0).sqrt()
     };
-    let lights = centred(found.rows(LIGHT * n, n).into_owned());
-    Some(Misses { errors: centred(errors), left: left(ANGLE), lights, lights_left: left(LIGHT) })
+    let light_changes = centred(found.rows(LIGHT * n, n).into_owned());
+    Some(AngleErrorEstimate { errors: centred(errors), sigma: sigma(ANGLE), light_changes, light_sigma: sigma(LIGHT) })
 }
 
 /// Whether polarization varies over the pixels. Otherwise angle errors and light changes cannot be distinguished.
@@ -195,7 +196,7 @@ pub(crate) fn distorted(points: &[CloudPoint], maps: &StokesMaps, design: &Desig
 }
 
 /// Residual matrix of the fit: identity minus hat matrix.
-fn left_over(design: &Design) -> DMatrix<f64> {
+fn residual_matrix(design: &Design) -> DMatrix<f64> {
     let n = design.frames();
     DMatrix::from_fn(n, n, |k, l| f64::from(u8::from(k == l)) - design.rows[k].dot(&(design.inverse * design.rows[l])))
 }
@@ -210,8 +211,8 @@ struct Modes {
 struct Evidence {
     /// Intensity derivatives of each view.
     directions: Vec<[Vector3<f64>; 2]>,
-    left_over: DMatrix<f64>,
-    witnesses: Vec<Witness>,
+    residual_matrix: DMatrix<f64>,
+    blocks: Vec<BlockScore>,
 }
 
 impl Evidence {
@@ -222,37 +223,38 @@ impl Evidence {
         }
         let directions: Vec<_> = design.rows.iter().map(directions).collect();
         let blocks = (0..maps.s0.len() / AREA).map(|b| b * AREA..(b + 1) * AREA);
-        let witnesses = blocks.map(|block| Witness::new(views, design, &directions, maps, block)).collect();
-        Some(Self { directions, left_over: left_over(design), witnesses })
+        let blocks = blocks.map(|block| BlockScore::new(views, design, &directions, maps, block)).collect();
+        Some(Self { directions, residual_matrix: residual_matrix(design), blocks })
     }
 
-    fn all(&self) -> Witness {
-        let mut all = Witness::none(self.directions.len());
-        self.witnesses.iter().for_each(|w| all.add(w));
+    fn all(&self) -> BlockScore {
+        let mut all = BlockScore::none(self.directions.len());
+        self.blocks.iter().for_each(|w| all.add(w));
         all
     }
 
     /// The observable combinations of angles for known light.
     fn modes(&self) -> Option<Modes> {
         let all = self.all();
-        let eigen = self.curvature(&all, ANGLE, ANGLE).symmetric_eigen();
+        let eigen = self.information(&all, ANGLE, ANGLE).symmetric_eigen();
         let largest = eigen.eigenvalues.max();
-        let told: Vec<usize> =
-            (0..eigen.eigenvalues.len()).filter(|j| eigen.eigenvalues[*j] > TOLD * largest).collect();
-        if told.is_empty() || largest <= 0.0 {
+        let observable: Vec<usize> =
+            (0..eigen.eigenvalues.len()).filter(|j| eigen.eigenvalues[*j] > MIN_INFORMATION * largest).collect();
+        if observable.is_empty() || largest <= 0.0 {
             return None;
         }
-        let vectors: Vec<DVector<f64>> = told.iter().map(|j| eigen.eigenvectors.column(*j).into_owned()).collect();
-        let values: Vec<f64> = told.iter().map(|j| eigen.eigenvalues[*j]).collect();
-        let amplitude = |(v, value): (&DVector<f64>, &f64)| v.dot(&all.slopes[ANGLE]) / value;
+        let vectors: Vec<DVector<f64>> =
+            observable.iter().map(|j| eigen.eigenvectors.column(*j).into_owned()).collect();
+        let values: Vec<f64> = observable.iter().map(|j| eigen.eigenvalues[*j]).collect();
+        let amplitude = |(v, value): (&DVector<f64>, &f64)| v.dot(&all.scores[ANGLE]) / value;
         let amplitudes: Vec<f64> = vectors.iter().zip(&values).map(amplitude).collect();
         let none = DVector::zeros(self.directions.len());
         let errors = vectors.iter().zip(&amplitudes).fold(none, |sum, (v, a)| sum + v * *a);
         // Variance from independent blocks (Huber 1967): the scatter of their scores includes noise, edges and all
         // other disturbances.
-        let mut noise = vec![0.0; told.len()];
-        for witness in &self.witnesses {
-            let off = &witness.slopes[ANGLE] - self.curvature(witness, ANGLE, ANGLE) * &errors;
+        let mut noise = vec![0.0; observable.len()];
+        for block in &self.blocks {
+            let off = &block.scores[ANGLE] - self.information(block, ANGLE, ANGLE) * &errors;
             for ((noise, v), value) in noise.iter_mut().zip(&vectors).zip(&values) {
                 *noise += (v.dot(&off) / value).powi(2);
             }
@@ -263,30 +265,30 @@ impl Evidence {
     /// Posterior mean and covariance of further angle errors and light changes, in this order, after angles were
     /// already corrected by `moved`. The prior variances are estimated from the residuals (empirical Bayes, by
     /// expectation maximisation); the stated variance of angles takes precedence.
-    fn likeliest(&self, moved: &DVector<f64>, stated: Option<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    fn max_posterior(&self, moved: &DVector<f64>, stated: Option<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let (all, n) = (self.all(), moved.len());
-        let (curvature, mut slope) = (self.both(&all), both_slopes(&all));
+        let (information, mut score) = (self.both(&all), both_scores(&all));
         // Unobservable combinations have a score of rounding errors only, which is removed.
-        let eigen = curvature.clone().symmetric_eigen();
+        let eigen = information.clone().symmetric_eigen();
         let least = EXACT * eigen.eigenvalues.max();
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
             if *value < least {
-                slope -= vector * vector.dot(&slope);
+                score -= vector * vector.dot(&score);
             }
         }
-        let mut expected = [stated.map_or(AT_FIRST, |s| s * s), AT_FIRST];
+        let mut expected = [stated.map_or(INITIAL_VARIANCE, |s| s * s), INITIAL_VARIANCE];
         let mut found = DVector::zeros(2 * n);
         let mut covariance = DMatrix::zeros(2 * n, 2 * n);
         // The noise of the scores is re-estimated once most of the signal is explained.
         for _ in 0..2 {
-            let off = |w: &Witness| (both_slopes(w) - self.both(w) * &found).norm_squared();
-            let noise = (self.witnesses.iter().map(off).sum::<f64>() / curvature.trace()).max(f64::MIN_POSITIVE);
-            for _ in 0..LEARNED {
-                let pull = DVector::from_fn(2 * n, |k, _| noise / expected[k / n].max(f64::MIN_POSITIVE));
-                let mut pulled = slope.clone();
-                (0..n).for_each(|k| pulled[k] -= pull[k] * moved[k]);
-                let inverse = (&curvature + DMatrix::from_diagonal(&pull)).cholesky()?.inverse();
-                found = &inverse * pulled;
+            let off = |w: &BlockScore| (both_scores(w) - self.both(w) * &found).norm_squared();
+            let noise = (self.blocks.iter().map(off).sum::<f64>() / information.trace()).max(f64::MIN_POSITIVE);
+            for _ in 0..PRIOR_ITERATIONS {
+                let precision = DVector::from_fn(2 * n, |k, _| noise / expected[k / n].max(f64::MIN_POSITIVE));
+                let mut shrunk = score.clone();
+                (0..n).for_each(|k| shrunk[k] -= precision[k] * moved[k]);
+                let inverse = (&information + DMatrix::from_diagonal(&precision)).cholesky()?.inverse();
+                found = &inverse * shrunk;
                 covariance = inverse * noise;
                 let variance = |kind: usize| {
                     let of_view = |k: usize| {
@@ -297,7 +299,7 @@ impl Evidence {
                 };
                 let before = expected;
                 expected = [stated.map_or_else(|| variance(ANGLE), |s| s * s), variance(LIGHT)];
-                if before.iter().zip(&expected).all(|(b, e)| (e / b - 1.0).abs() < SETTLED) {
+                if before.iter().zip(&expected).all(|(b, e)| (e / b - 1.0).abs() < PRIOR_CONVERGED) {
                     break;
                 }
             }
@@ -306,20 +308,20 @@ impl Evidence {
     }
 
     /// Information matrix of both kinds of errors.
-    fn both(&self, witness: &Witness) -> DMatrix<f64> {
+    fn both(&self, block: &BlockScore) -> DMatrix<f64> {
         let n = self.directions.len();
         let mut both = DMatrix::zeros(2 * n, 2 * n);
         for (of, to) in [(ANGLE, ANGLE), (ANGLE, LIGHT), (LIGHT, ANGLE), (LIGHT, LIGHT)] {
-            both.view_mut((of * n, to * n), (n, n)).copy_from(&self.curvature(witness, of, to));
+            both.view_mut((of * n, to * n), (n, n)).copy_from(&self.information(block, of, to));
         }
         both
     }
 
     /// Block of the information matrix between one kind of error and another.
-    fn curvature(&self, witness: &Witness, of: usize, to: usize) -> DMatrix<f64> {
-        let moved: Vec<_> = self.directions.iter().map(|d| witness.moments * d[to]).collect();
+    fn information(&self, block: &BlockScore, of: usize, to: usize) -> DMatrix<f64> {
+        let moved: Vec<_> = self.directions.iter().map(|d| block.moments * d[to]).collect();
         let n = moved.len();
-        DMatrix::from_fn(n, n, |k, l| self.left_over[(k, l)] * self.directions[k][of].dot(&moved[l]))
+        DMatrix::from_fn(n, n, |k, l| self.residual_matrix[(k, l)] * self.directions[k][of].dot(&moved[l]))
     }
 }
 
@@ -332,22 +334,22 @@ fn directions(row: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [Vector3::new(0.0, -2.0 * row[2], 2.0 * row[1]), *row]
 }
 
-fn both_slopes(witness: &Witness) -> DVector<f64> {
-    let [angles, lights] = &witness.slopes;
-    DVector::from_iterator(angles.len() + lights.len(), angles.iter().chain(lights.iter()).copied())
+fn both_scores(block: &BlockScore) -> DVector<f64> {
+    let [angles, light_changes] = &block.scores;
+    DVector::from_iterator(angles.len() + light_changes.len(), angles.iter().chain(light_changes.iter()).copied())
 }
 
 /// Sums over the pixels of a block.
-struct Witness {
+struct BlockScore {
     /// Σ of squares and products of A, C and S.
     moments: Matrix3<f64>,
     /// Score per view: Σ of residual times the derivative with respect to either error.
-    slopes: [DVector<f64>; 2],
+    scores: [DVector<f64>; 2],
 }
 
-impl Witness {
+impl BlockScore {
     fn none(views: usize) -> Self {
-        Self { moments: Matrix3::zeros(), slopes: [0, 1].map(|_| DVector::zeros(views)) }
+        Self { moments: Matrix3::zeros(), scores: [0, 1].map(|_| DVector::zeros(views)) }
     }
 
     fn new(
@@ -366,8 +368,8 @@ impl Witness {
             new.moments += fitted * fitted.transpose();
             for (k, ((view, row), directions)) in views.iter().zip(&design.rows).zip(directions).enumerate() {
                 let residual = f64::from(view[i]) - fitted.dot(row);
-                for (slope, direction) in new.slopes.iter_mut().zip(directions) {
-                    slope[k] += fitted.dot(direction) * residual;
+                for (score, direction) in new.scores.iter_mut().zip(directions) {
+                    score[k] += fitted.dot(direction) * residual;
                 }
             }
         }
@@ -376,13 +378,13 @@ impl Witness {
 
     fn add(&mut self, other: &Self) {
         self.moments += other.moments;
-        self.slopes.iter_mut().zip(&other.slopes).for_each(|(all, other)| *all += other);
+        self.scores.iter_mut().zip(&other.scores).for_each(|(all, other)| *all += other);
     }
 }
 
 impl Sample {
     /// Angle errors of the views, and changes of their light; `None` if some views were not kept.
-    pub(crate) fn misses(&self, views: &[View], stated: Option<f64>) -> Option<Misses> {
+    pub(crate) fn angle_errors(&self, views: &[View], stated: Option<f64>) -> Option<AngleErrorEstimate> {
         // The analysers of a sensor view neighbouring points, and edges would look like angle errors.
         if self.views() != views.len() || views.iter().any(|v| v.block > 1) {
             return None;

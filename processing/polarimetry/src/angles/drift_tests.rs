@@ -1,7 +1,7 @@
 //! Tests with analyser-angle errors and drifting light, separately and together, in series of 4 to 24 photographs of
 //! varied and uniform scenes. Neither is mistaken for the other, and no error is found where there is none.
 
-use super::angle_error::{Misses, estimate};
+use super::angle_error::{AngleErrorEstimate, estimate};
 use crate::synthetic::{Spread, Synthetic, even_angles, normal};
 use crate::{Design, Fit, StokesMaps};
 use std::f64::consts::PI;
@@ -23,7 +23,7 @@ fn deviates(rms: f64, count: usize, seed: u64) -> Vec<f64> {
     all.iter().map(|v| rms * (v - mean) / size).collect()
 }
 
-fn found(count: usize, spread: Spread, wrong: &Wrong, seed: u64) -> Option<Misses> {
+fn found(count: usize, spread: Spread, wrong: &Wrong, seed: u64) -> Option<AngleErrorEstimate> {
     let scene = Synthetic {
         angles: even_angles(count),
         angle_errors: deviates(wrong.angles, count, seed),
@@ -94,9 +94,9 @@ fn wrong_angles_and_drifting_light_are_known_as_well_as_claimed() {
             (found.iter().zip(&wanted).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / count as f64).sqrt()
         };
         let angles = off(&found.errors, deviates(ONE_DEGREE, count, 5));
-        let lights = off(&found.lights, deviates(0.01, count, 105));
-        println!("{count}: {angles} ± {}, {lights} ± {}", found.left, found.lights_left);
-        assert!(angles < 2.0 * found.left && angles < 0.3 * ONE_DEGREE, "{count}: {found:?}");
-        assert!(lights < 2.0 * found.lights_left && lights < 0.005, "{count}: {found:?}");
+        let lights = off(&found.light_changes, deviates(0.01, count, 105));
+        println!("{count}: {angles} ± {}, {lights} ± {}", found.sigma, found.light_sigma);
+        assert!(angles < 2.0 * found.sigma && angles < 0.3 * ONE_DEGREE, "{count}: {found:?}");
+        assert!(lights < 2.0 * found.light_sigma && lights < 0.005, "{count}: {found:?}");
     }
 }

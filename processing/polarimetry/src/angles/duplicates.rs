@@ -23,7 +23,7 @@ pub(crate) fn contradiction(
 ) -> Option<String> {
     let kept = &views[..sample.views().min(views.len())];
     let same = |a: &View, b: &View| {
-        a.pixels == b.pixels && angle_difference(a.said, b.said).abs().to_degrees() < SAME_ANGLE_DEG
+        a.pixels == b.pixels && angle_difference(a.stated, b.stated).abs().to_degrees() < SAME_ANGLE_DEG
     };
     let pairs = (0..kept.len()).flat_map(|k| (0..k).map(move |i| [i, k])).filter(|[i, k]| same(&kept[*i], &kept[*k]));
     let differences = pairs.filter_map(|[i, k]| Some(([i, k], difference(sample.view(i), sample.view(k))?)));

@@ -29,10 +29,10 @@ pub(crate) fn contradiction(frames: &LoadedFrames, views: &[View], sample: &Samp
     if mismatch[best] * CLEARLY_BETTER >= mismatch[stated] {
         return None;
     }
-    let said = layout.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    let listed = layout.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let name = PAIRINGS[best].1;
     Some(format!(
-        "the layout {said} contradicts the photographs: I(0°) + I(90°) and I(45°) + I(135°) differ by {:.1} % of their sum in a typical block; {name} or one of its turns fits ({:.1} %): correct the layout (nacre import --layout {name})",
+        "the layout {listed} contradicts the photographs: I(0°) + I(90°) and I(45°) + I(135°) differ by {:.1} % of their sum in a typical block; {name} or one of its turns fits ({:.1} %): correct the layout (nacre import --layout {name})",
         100.0 * mismatch[stated],
         100.0 * mismatch[best]
     ))

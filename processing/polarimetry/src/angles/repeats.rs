@@ -18,10 +18,10 @@ const SAME_ANGLE_DEG: f64 = 0.05;
 
 /// Minimum number of repeated angles: with three, each half of the series determines an orientation, and noise is
 /// sampled at all intensities of a turn.
-const FEWEST_ANGLES: usize = 3;
+const MIN_ANGLES: usize = 3;
 
 /// Minimum number of blocks for a noise estimate, and minimum number of blocks of similar intensity in a group.
-const FEWEST_BLOCKS: usize = 16;
+const MIN_BLOCKS: usize = 16;
 const GROUPS: usize = 24;
 
 /// Variance of a block, relative to its noise, above which it counts as textured: a rotating analyser shifts texture.
@@ -78,7 +78,7 @@ pub(crate) fn pairs(frames: &LoadedFrames, views: &[View], kept: usize) -> Vec<[
     if !one_exposure {
         return vec![];
     }
-    paired(&views.iter().take(kept).map(|v| v.said).collect::<Vec<_>>())
+    paired(&views.iter().take(kept).map(|v| v.stated).collect::<Vec<_>>())
 }
 
 fn paired(angles: &[f64]) -> Vec<[usize; 2]> {
@@ -93,25 +93,26 @@ fn paired(angles: &[f64]) -> Vec<[usize; 2]> {
     }
     let repeated: Vec<f64> = pairs.iter().map(|[k, _]| angles[*k]).collect();
     let first = |i: &usize| repeated[..*i].iter().all(|a| apart(*a, repeated[*i]) >= SAME_ANGLE_DEG);
-    if (0..repeated.len()).filter(first).count() < FEWEST_ANGLES { vec![] } else { pairs }
+    if (0..repeated.len()).filter(first).count() < MIN_ANGLES { vec![] } else { pairs }
 }
 
 /// Noise of a view from the differences of repeats, on one half of the sample. Values at or below `black` are clipped
 /// and excluded. `quantisation` is the variance of rounding to codes, which repeats of a quiet camera do not show.
 pub(crate) fn calibrate(sample: &Sample, pairs: &[[usize; 2]], black: f64, quantisation: f64) -> Option<FrameNoise> {
-    let mut seen: Vec<Seen> = vec![];
+    let mut seen: Vec<BlockPair> = vec![];
     for [p, q] in pairs {
         let (first, second) = (sample.view(*p), sample.view(*q));
         let gain = gain(sample, first, second)?;
-        let block = |b: usize| Seen::new(&first[b * AREA..][..AREA], &second[b * AREA..][..AREA], gain, black);
+        let block = |b: usize| BlockPair::new(&first[b * AREA..][..AREA], &second[b * AREA..][..AREA], gain, black);
         seen.extend(sample.half(Half::Black).filter_map(block));
     }
-    if seen.len() < FEWEST_BLOCKS {
+    if seen.len() < MIN_BLOCKS {
         return None;
     }
     seen.sort_by(|a, b| a.level.total_cmp(&b.level));
-    let size = seen.len().div_ceil(GROUPS).max(FEWEST_BLOCKS);
-    let point = |group: &mut [Seen]| (Seen::level(group), with_rounding(Seen::noise(group), quantisation));
+    let size = seen.len().div_ceil(GROUPS).max(MIN_BLOCKS);
+    let point =
+        |group: &mut [BlockPair]| (BlockPair::level(group), with_rounding(BlockPair::noise(group), quantisation));
     let points: Vec<(f64, f64)> = seen.chunks_mut(size).map(point).collect();
     Some(line_above(&points, quantisation))
 }
@@ -155,7 +156,7 @@ fn gain(sample: &Sample, first: &[f32], second: &[f32]) -> Option<f64> {
 }
 
 /// A block in two views.
-struct Seen {
+struct BlockPair {
     level: f64,
     /// Variance of a view, from the difference of both.
     noise: f64,
@@ -163,7 +164,7 @@ struct Seen {
     texture: f64,
 }
 
-impl Seen {
+impl BlockPair {
     fn new(first: &[f32], second: &[f32], gain: f64, black: f64) -> Option<Self> {
         let usable = |v: &f32| v.is_finite() && f64::from(*v) > black;
         if !first.iter().chain(second).all(usable) {
@@ -263,7 +264,7 @@ mod tests {
 
     /// From repeats that mostly round alike to repeats that never do, the error is found to 5 %.
     #[test]
-    fn what_rounding_hides_is_put_back() {
+    fn noise_hidden_by_rounding_is_restored() {
         const N: u64 = 200_000;
         for sigma in [0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 4.0] {
             let (mut between, mut about) = (0.0, 0.0);

@@ -271,7 +271,7 @@ mod tests {
 
     /// A spot and a streak are concentrated; a small ring and a long arc are not.
     #[test]
-    fn points_that_lie_together_are_told_from_curves() {
+    fn clustered_points_are_distinguished_from_curves() {
         let cloud = |of: &dyn Fn(f64) -> [f64; 2]| -> Vec<CloudPoint> {
             let at = |i: usize| of(i as f64 / 1000.0);
             (0..1000)

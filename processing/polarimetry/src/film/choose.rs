@@ -3,21 +3,21 @@
 use crate::angle_difference;
 use crate::film::check::{WIDEST_GAP_DEG, gap, lie_together};
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
-use crate::film::foot::Path;
-use crate::film::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
-use crate::film::search::{Begin, ENOUGH, POLARIZER, alike, at_limit, curves, likelier};
+use crate::film::models::{Candidate, Evidence, Model, NPMLE_MIN_POINTS, candidates, orientation};
+use crate::film::projection::CurveSamples;
+use crate::film::search::{Begin, ENOUGH, POLARIZER, alike, at_limit, curves, with_max_likelihood};
 use nacre_base::statistics::quantile;
 use nalgebra::{Matrix3, Vector3};
 use std::borrow::Cow;
 
 /// Penalised −2 ln likelihood within which a model behind the best remains plausible (10 corresponds to odds of 150 :
 /// 1), and the same limit in standard deviations of the difference. Plausible alternatives cause a warning.
-pub(crate) const UNDECIDED: f64 = 10.0;
-pub(crate) const UNDECIDED_SIGMA: f64 = 2.0;
+pub(crate) const PLAUSIBLE_DELTA: f64 = 10.0;
+pub(crate) const PLAUSIBLE_SIGMAS: f64 = 2.0;
 
 /// Parsimony limit: among all kinds of model, the simplest one within this −2 ln likelihood of the best is selected,
 /// with its best parameters. The evidence is uncertain by this amount, and most films need no more parameters.
-const SIMPLER: f64 = 8.0;
+const PARSIMONY_DELTA: f64 = 8.0;
 
 /// Scatter of points about every curve, relative to the curve's size, above which the points form no curve; it must
 /// also exceed twice the noise.
@@ -35,10 +35,11 @@ const UNMODELLED: f64 = 0.005;
 /// Analyser-angle errors distort all points jointly, and a model with more parameters may fit this distortion. Its
 /// advantage must exceed the distortion by this factor: the errors amount to about five degrees of freedom, whose χ² is
 /// rarely three times its expected value.
-const DISTORTED: f64 = 3.0;
+const DISTORTION_FACTOR: f64 = 3.0;
 
 /// Number of points below which films are only considered if points lie on their curve within the noise. Below
-/// [`MIXTURE`] points, they must also be far off every circle. Below the second limit `auto` considers no film.
+/// [`NPMLE_MIN_POINTS`] points, they must also be far off every circle. Below the second limit `auto` considers no
+/// film.
 const CURVE_POINTS: usize = 5000;
 const FEW_CURVE_POINTS: usize = 1000;
 
@@ -47,14 +48,14 @@ const FEW_CURVE_POINTS: usize = 1000;
 /// In 60 draws of `choose_tests`, 226 candidates were within 10 of the best on all points. On a sample they were up to
 /// 32 behind, as fewer points determine the orientation distribution less well. A limit of 50 would exclude 13 more of
 /// all 606.
-const HOPELESS: f64 = 100.0;
+const PRUNE_DELTA: f64 = 100.0;
 
 /// Ratio of the error along a curve that is taken for a circle to the scatter across it. It is the median over the 146
 /// films drawn in `choose_tests` that leave a circle by more than their noise (10 % quantile 1.8, 90 % quantile 11.7).
-const BENT: f64 = 6.0;
+const ALONG_TO_ACROSS: f64 = 6.0;
 
 /// Minimum number of points for a circle fit.
-const FEWEST_POINTS: usize = 20;
+const MIN_POINTS: usize = 20;
 
 /// Limits for accepting a centred circle without a comparison with other models: its scatter variance relative to the
 /// noise, and the orientation change in degrees by a fitted centre.
@@ -70,12 +71,12 @@ pub(crate) struct Choice {
     /// Penalised −2 ln likelihood of each candidate, minus that of the best.
     pub behind: Vec<f64>,
     /// Standard deviation of its difference from the candidate that is assumed to be true.
-    pub chance: Vec<f64>,
+    pub difference_sigma: Vec<f64>,
     /// 68 % quantile of the orientation differences from the selected candidate, in rad.
     pub differences: Vec<f64>,
     pub chosen: usize,
     /// Index of the candidate assumed to be true: the selected one, or the most likely one if the model was given.
-    pub right: usize,
+    pub assumed: usize,
     /// Penalised −2 ln likelihood of the chosen model.
     pub likelihood: f64,
     /// Scatter variance about the selected curve, relative to the noise.
@@ -92,7 +93,7 @@ pub(crate) struct Choice {
 /// Selects a model for points with modulation. `distorted` is the variance of the points' displacement by
 /// analyser-angle errors, relative to their noise. `None` for fewer than 20 points.
 pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, distorted: f64) -> Option<Choice> {
-    if points.len() < FEWEST_POINTS {
+    if points.len() < MIN_POINTS {
         return None;
     }
     let (mut candidates, count) = (candidates(points), points.len());
@@ -102,12 +103,12 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
     }
     let enough = wanted != Model::Curve && sinusoid_is_enough(&candidates, points);
     // If the model is given, the others only determine its error, for which a sample of the points suffices.
-    let asked = !matches!(wanted, Model::Auto | Model::Curve);
-    let points = &*if asked { Cow::Owned(thinned(points, SAMPLE)) } else { Cow::Borrowed(points) };
+    let given = !matches!(wanted, Model::Auto | Model::Curve);
+    let points = &*if given { Cow::Owned(thinned(points, SAMPLE)) } else { Cow::Borrowed(points) };
     let least = |all: &[Candidate]| all.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
     let few = match wanted {
         Model::Curve => false,
-        Model::Auto if least(&candidates) < UNEXPLAINED => count < MIXTURE,
+        Model::Auto if least(&candidates) < UNEXPLAINED => count < NPMLE_MIN_POINTS,
         _ => count < FEW_CURVE_POINTS,
     };
     if !enough && !few && !together {
@@ -121,33 +122,33 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
     let widened = least(&candidates);
     let each = compare(&mut candidates, points, widened);
     let evidence: Vec<f64> = each.iter().map(|e| e.total).collect();
-    let likeliest = |of: &dyn Fn(&Candidate) -> bool| {
+    let most_likely = |of: &dyn Fn(&Candidate) -> bool| {
         let all = (0..candidates.len()).filter(|k| of(&candidates[*k]));
         all.min_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))
     };
-    let best = likeliest(&|_| true)?;
+    let best = most_likely(&|_| true)?;
     // Points that scatter more than their noise deviate from every model, and additional parameters would fit that
     // excess.
     let unmodelled = if widened > UNMODELLED_WIDENED { UNMODELLED } else { 0.0 };
-    let unmodelled = unmodelled.max(DISTORTED * distorted) * points.len() as f64;
+    let unmodelled = unmodelled.max(DISTORTION_FACTOR * distorted) * points.len() as f64;
     let explained = explains(&candidates[best], points);
     let chosen = match wanted {
-        Model::Auto if !explained => likeliest(&|c| c.model == Model::Sinusoid)?,
+        Model::Auto if !explained => most_likely(&|c| c.model == Model::Sinusoid)?,
         Model::Auto => {
-            let as_good = |k: &usize| evidence[*k] <= evidence[best] + unmodelled.max(SIMPLER);
+            let as_good = |k: &usize| evidence[*k] <= evidence[best] + unmodelled.max(PARSIMONY_DELTA);
             let simplest = &candidates[(0..candidates.len()).find(as_good)?];
-            let simple = likeliest(&|c| (c.model, c.extended) == (simplest.model, simplest.extended))?;
-            let film = likeliest(&|c| c.film.is_some()).filter(|film| {
-                let chance = each[*film].chance(&each[simple]);
-                evidence[*film] - evidence[simple] < UNDECIDED.max(UNDECIDED_SIGMA * chance)
+            let simple = most_likely(&|c| (c.model, c.extended) == (simplest.model, simplest.extended))?;
+            let film = most_likely(&|c| c.film.is_some()).filter(|film| {
+                let difference_sigma = each[*film].difference_sigma(&each[simple]);
+                evidence[*film] - evidence[simple] < PLAUSIBLE_DELTA.max(PLAUSIBLE_SIGMAS * difference_sigma)
             });
             film.filter(|film| contradicts(&candidates[*film], &candidates[simple], points)).unwrap_or(simple)
         }
-        model => likeliest(&|c| c.model == model)?,
+        model => most_likely(&|c| c.model == model)?,
     };
     // The error of a given model is its difference from the most likely one, if that one explains the points.
-    let right = if asked { best } else { chosen };
-    let chance: Vec<f64> = each.iter().map(|e| e.chance(&each[right])).collect();
+    let assumed = if given { best } else { chosen };
+    let difference_sigma: Vec<f64> = each.iter().map(|e| e.difference_sigma(&each[assumed])).collect();
     let behind: Vec<f64> = evidence.iter().map(|e| e - evidence[best]).collect();
     let differences: Vec<f64> = candidates.iter().map(|c| difference(c, &candidates[chosen], points)).collect();
     let mut choice = Choice {
@@ -155,62 +156,63 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         reason: reason(wanted, &candidates, &behind, chosen, explained, enough),
         likelihood: evidence[chosen],
         candidates,
-        chance,
+        difference_sigma,
         behind,
         differences,
         chosen,
-        right,
+        assumed,
         explained,
         error: None,
         systematic: 0.0,
     };
-    choice.doubt(points, unmodelled);
+    choice.estimate_error(points, unmodelled);
     Some(choice)
 }
 
 impl Choice {
     /// Estimates the error of the selected model. Candidates without more parameters than the assumed one count as
     /// equally likely within `unmodelled`.
-    fn doubt(&mut self, points: &[CloudPoint], unmodelled: f64) {
-        let Self { candidates, chance, behind, differences, chosen, right, .. } = &*self;
+    fn estimate_error(&mut self, points: &[CloudPoint], unmodelled: f64) {
+        let Self { candidates, difference_sigma, behind, differences, chosen, assumed, .. } = &*self;
         let all = 0..candidates.len();
         let widened = candidates.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
         // A circle about another point than the origin is the first-order effect of films, and a polarizer behind a
         // film looks like any grating of ζ 90° behind another film. One of the films is therefore correct, regardless
         // of the penalty for its parameters.
         let made_by_films =
-            candidates[*right].center.map_or(candidates[*right].extended == POLARIZER.1, |c| c != [0.0; 2]);
-        let films = all.clone().filter(|k| made_by_films && k != right && candidates[*k].film.is_some());
-        let likeliest_film = films.map(|k| behind[k]).reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
+            candidates[*assumed].center.map_or(candidates[*assumed].extended == POLARIZER.1, |c| c != [0.0; 2]);
+        let films = all.clone().filter(|k| made_by_films && k != assumed && candidates[*k].film.is_some());
+        let most_likely_film = films.map(|k| behind[k]).reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
         // An alternative contributes its difference, weighted by the root of its probability.
         let of_rival = |k: usize| {
-            if k == *right {
+            if k == *assumed {
                 return differences[k];
             }
-            let film = if candidates[k].film.is_some() { likeliest_film } else { f64::NEG_INFINITY };
+            let film = if candidates[k].film.is_some() { most_likely_film } else { f64::NEG_INFINITY };
             // Unmodelled scatter does not favour a candidate that is behind despite more parameters.
-            let simple = candidates[k].parameters <= candidates[*right].parameters;
-            let ahead = behind[k] - behind[*right].max(film) - if simple { unmodelled } else { 0.0 };
-            let odds = 0.5 * libm::erfc(ahead / chance[k].max(0.5 * UNDECIDED) / std::f64::consts::SQRT_2);
+            let simple = candidates[k].parameters <= candidates[*assumed].parameters;
+            let ahead = behind[k] - behind[*assumed].max(film) - if simple { unmodelled } else { 0.0 };
+            let odds =
+                0.5 * libm::erfc(ahead / difference_sigma[k].max(0.5 * PLAUSIBLE_DELTA) / std::f64::consts::SQRT_2);
             // Uncertainty of the alternative's parameters, from the points and the prior.
             odds.sqrt() * differences[k].hypot(candidates[k].uncertain)
         };
         let rivals = all.clone().map(of_rival).fold(0.0, f64::max);
-        let right = &candidates[*right];
+        let assumed = &candidates[*assumed];
         // The parameters of bare metal (stray light, front reflection) are only valid if the points lie on the curve.
-        let limit = if right.curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
-        let known = self.explained && right.widened < limit && !right.film.is_some_and(|f| at_limit(&f));
+        let limit = if assumed.curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
+        let known = self.explained && assumed.widened < limit && !assumed.film.is_some_and(|f| at_limit(&f));
         let error = known.then(|| candidates[*chosen].uncertain.hypot(rivals));
         // Otherwise the only estimate is the difference from models of slightly lower likelihood.
         let of_other = |k: usize| differences[k] * (widened / candidates[k].widened).sqrt();
         let guessed = || all.map(of_other).fold(rivals, f64::max);
         // For too few points for a curve, the error along the circle is estimated from the scatter across it.
-        let bent = if candidates.iter().all(|c| c.film.is_none()) && widened > by_chance(points.len()) {
-            BENT * (widened - 1.0).sqrt() * typical_sigma(right, points)
+        let along = if candidates.iter().all(|c| c.film.is_none()) && widened > scatter_limit(points.len()) {
+            ALONG_TO_ACROSS * (widened - 1.0).sqrt() * typical_sigma(assumed, points)
         } else {
             0.0
         };
-        self.systematic = error.unwrap_or_else(guessed).hypot(bent);
+        self.systematic = error.unwrap_or_else(guessed).hypot(along);
         self.error = error;
     }
 }
@@ -223,7 +225,7 @@ fn contradicts(film: &Candidate, simple: &Candidate, points: &[CloudPoint]) -> b
 
 /// Upper limit (two standard deviations) of the scatter variance of `points` points about their true curve, relative to
 /// their noise.
-fn by_chance(points: usize) -> f64 {
+fn scatter_limit(points: usize) -> f64 {
     ENOUGH.max(1.0 + 2.0 * (2.0 / points as f64).sqrt())
 }
 
@@ -233,31 +235,31 @@ fn compare(candidates: &mut Vec<Candidate>, points: &[CloudPoint], widened: f64)
     let few = thinned(points, SAMPLE);
     let least = |all: &[Evidence]| all.iter().map(|e| e.total).fold(f64::INFINITY, f64::min);
     let mut first: Vec<Evidence> = candidates.iter().map(|c| c.evidence(&few, widened)).collect();
-    if points.len() >= MIXTURE {
+    if points.len() >= NPMLE_MIN_POINTS {
         let noisier: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
-        let hopeless = least(&first) + HOPELESS;
+        let pruned_from = least(&first) + PRUNE_DELTA;
         let pairs: Vec<(Candidate, Evidence)> = candidates.drain(..).zip(first).collect();
-        (*candidates, first) = made_likeliest(&pairs, hopeless, &noisier, |c| c.evidence(&few, widened));
+        (*candidates, first) = with_maximum_likelihood(&pairs, pruned_from, &noisier, |c| c.evidence(&few, widened));
     }
     let least = least(&first);
     let scale = points.len() as f64 / few.len().max(1) as f64;
-    let hopeful: Vec<Option<Evidence>> = candidates
+    let kept: Vec<Option<Evidence>> = candidates
         .iter()
         .zip(&first)
         .map(|(c, e)| {
             let of_all = || if few.len() < points.len() { c.evidence(points, widened) } else { e.clone() };
-            (e.total <= least + HOPELESS).then(of_all)
+            (e.total <= least + PRUNE_DELTA).then(of_all)
         })
         .collect();
-    let best = hopeful.iter().flatten().map(|e| e.total).fold(f64::INFINITY, f64::min);
+    let best = kept.iter().flatten().map(|e| e.total).fold(f64::INFINITY, f64::min);
     let or_scaled = |(all, few): (Option<Evidence>, Evidence)| all.unwrap_or_else(|| few.scaled(least, scale, best));
-    hopeful.into_iter().zip(first).map(or_scaled).collect()
+    kept.into_iter().zip(first).map(or_scaled).collect()
 }
 
 /// The candidates in the same order, with maximised likelihood unless they are excluded.
-fn made_likeliest(
+fn with_maximum_likelihood(
     pairs: &[(Candidate, Evidence)],
-    hopeless: f64,
+    pruned_from: f64,
     noisier: &[CloudPoint],
     evidence: impl Fn(&Candidate) -> Evidence,
 ) -> (Vec<Candidate>, Vec<Evidence>) {
@@ -265,15 +267,16 @@ fn made_likeliest(
     for of_set in pairs.chunk_by(|(a, _), (b, _)| (a.model, a.extended) == (b.model, b.extended)) {
         let first = done.len();
         for (candidate, before) in of_set {
-            let hopeful = before.total <= hopeless;
-            let Some(now) = candidate.film.filter(|_| hopeful).and_then(|film| likelier(candidate, film, noisier))
+            let kept = before.total <= pruned_from;
+            let Some(now) =
+                candidate.film.filter(|_| kept).and_then(|film| with_max_likelihood(candidate, film, noisier))
             else {
                 done.push((candidate.clone(), before.clone()));
                 continue;
             };
             // If the search did not move, the likelihood of the points is unchanged.
             let here = now.curve == candidate.curve;
-            let of_now = if here { now.paid(before.terms.clone()) } else { evidence(&now) };
+            let of_now = if here { now.penalised(before.terms.clone()) } else { evidence(&now) };
             let now = (now, of_now);
             // Different starts with the same parameters may converge to nearly the same curve.
             match done[first..].iter_mut().find(|(c, _)| alike(&c.curve, &now.0.curve)) {
@@ -288,7 +291,7 @@ fn made_likeliest(
 
 /// Whether points lie on a circle within their noise, without large gaps.
 pub(crate) fn is_ring(points: &[CloudPoint]) -> bool {
-    if points.len() < MIXTURE || lie_together(points) {
+    if points.len() < NPMLE_MIN_POINTS || lie_together(points) {
         return false;
     }
     let circles = candidates(&thinned(points, SAMPLE));
@@ -298,8 +301,9 @@ pub(crate) fn is_ring(points: &[CloudPoint]) -> bool {
 
 /// Median σ of the orientations from noise, in rad.
 fn typical_sigma(candidate: &Candidate, points: &[CloudPoint]) -> f64 {
-    let path = Path::new(candidate.curve);
-    let mut all: Vec<f64> = thinned(points, SAMPLE).iter().map(|p| orientation(candidate, &path, p).1).collect();
+    let curve_samples = CurveSamples::new(candidate.curve);
+    let mut all: Vec<f64> =
+        thinned(points, SAMPLE).iter().map(|p| orientation(candidate, &curve_samples, p).1).collect();
     nacre_base::statistics::median(&mut all).unwrap_or(0.0)
 }
 
@@ -310,33 +314,33 @@ fn sinusoid_is_enough(simple: &[Candidate], points: &[CloudPoint]) -> bool {
     let Some([x, y]) = circle.center else { return false };
     // The mean of |sin| over a turn, halved, since orientations change by half the phase.
     let cost_deg = (x.hypot(y) / circle.size() / std::f64::consts::PI).to_degrees();
-    sinusoid.widened < GOOD_WIDENED && cost_deg < GOOD_CENTER_DEG && ellipse(sinusoid, points) < UNDECIDED
+    sinusoid.widened < GOOD_WIDENED && cost_deg < GOOD_CENTER_DEG && ellipse(sinusoid, points) < PLAUSIBLE_DELTA
 }
 
 /// Advantage in −2 ln likelihood of an ellipse over a circle about the origin. A film over a grating of ζ 90° produces
 /// an ellipse, detectable long before individual points leave the circle by more than their noise.
 fn ellipse(circle: &Candidate, points: &[CloudPoint]) -> f64 {
-    let path = Path::new(circle.curve);
+    let curve_samples = CurveSamples::new(circle.curve);
     let (mut normal, mut moment) = (Matrix3::zeros(), Vector3::zeros());
     for p in points {
-        let foot = path.foot(p);
+        let closest = curve_samples.closest_point(p);
         // The gradient's length is 1/σ across the circle.
-        let weight = foot.gradient[0].hypot(foot.gradient[1]);
+        let weight = closest.gradient[0].hypot(closest.gradient[1]);
         let (sin, cos) = (2.0 * p.at[1].atan2(p.at[0])).sin_cos();
         let row = Vector3::new(1.0, cos, sin) * weight;
         normal += row * row.transpose();
-        moment += row * foot.distance;
+        moment += row * closest.distance;
     }
     normal.try_inverse().map_or(0.0, |inverse| moment.dot(&(inverse * moment)))
 }
 
 fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
-    let path = Path::new(candidate.curve);
+    let curve_samples = CurveSamples::new(candidate.curve);
     let mut off: Vec<f64> = thinned(points, SAMPLE)
         .iter()
         .map(|p| {
-            let foot = path.foot(p);
-            foot.distance.abs() / foot.gradient[0].hypot(foot.gradient[1])
+            let closest = curve_samples.closest_point(p);
+            closest.distance.abs() / closest.gradient[0].hypot(closest.gradient[1])
         })
         .collect();
     let at = off.len() * 4 / 5;
@@ -352,7 +356,7 @@ fn difference(a: &Candidate, b: &Candidate, points: &[CloudPoint]) -> f64 {
 
 /// As [`difference`], with separate points for each model.
 pub(crate) fn difference_of(a: (&Candidate, &[CloudPoint]), b: (&Candidate, &[CloudPoint])) -> f64 {
-    let (of_a, of_b) = (Path::new(a.0.curve), Path::new(b.0.curve));
+    let (of_a, of_b) = (CurveSamples::new(a.0.curve), CurveSamples::new(b.0.curve));
     let step = a.1.len().div_ceil(2000).max(1);
     let points = a.1.iter().zip(b.1).step_by(step);
     let pairs: Vec<f64> = points.map(|(p, q)| orientation(a.0, &of_a, p).0 - orientation(b.0, &of_b, q).0).collect();

@@ -180,7 +180,7 @@ mod tests {
     use crate::film::cloud::cloud;
     use crate::solve::orient_with;
     use crate::synthetic::{Series, Spread, Synthetic, uniform};
-    use crate::{Asked, Fit, Model, angle_difference};
+    use crate::{Fit, Model, SolveOptions, angle_difference};
     use num_complex::Complex;
 
     fn grating(r: f64, zeta_deg: f64, spread: Spread) -> Synthetic {
@@ -258,7 +258,7 @@ mod tests {
             if classes_of(&series).is_none() {
                 continue;
             }
-            let map = orient_with(&mut series.maps, &series.design, &series.noise, &Asked::of(Model::Auto));
+            let map = orient_with(&mut series.maps, &series.design, &series.noise, &SolveOptions::of(Model::Auto));
             let found = crate::compare(&map.orientation, &map.sigma, &series.truth, |_| true).unwrap();
             let off = |i: usize| f64::from(map.orientation[i]) - found.offset_deg.to_radians();
             let valid = (0..series.truth.len()).filter(|i| map.orientation[*i].is_finite());

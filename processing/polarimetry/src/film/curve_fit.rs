@@ -3,8 +3,8 @@
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
-use crate::film::foot::{Foot, Path, SIDE_BY_SIDE, feet, scale_of};
 use crate::film::normal::{CAUCHY, Lanes, Normal};
+use crate::film::projection::{ClosestPoint, CurveSamples, LANE_COUNT, project, robust_scale};
 use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nacre_base::vectors::vectorised;
 use nalgebra::{DMatrix, DVector};
@@ -23,7 +23,7 @@ pub const COST_OF_NOISE: f64 = 0.8735;
 
 /// Prior distribution of a parameter.
 #[derive(Clone, Copy)]
-pub enum Expected {
+pub enum Prior {
     /// Flat: an angle with any value.
     Anything,
     /// Normal about 0, with this standard deviation.
@@ -32,7 +32,7 @@ pub enum Expected {
     Mostly(f64),
 }
 
-impl Expected {
+impl Prior {
     /// −2 ln prior of a value, up to a constant.
     fn cost(self, value: f64) -> f64 {
         match self {
@@ -43,7 +43,7 @@ impl Expected {
     }
 
     /// Prior information at a value: the inverse of a variance.
-    pub(crate) fn pull(self, value: f64) -> f64 {
+    pub(crate) fn information(self, value: f64) -> f64 {
         match self {
             Self::Anything => 0.0,
             Self::Near(size) => size.powi(-2),
@@ -65,7 +65,7 @@ pub struct Family<'a> {
     /// The curve for given parameters.
     pub curve: &'a (dyn Fn(&[f64]) -> Curve + Sync),
     /// Prior of each parameter.
-    pub expected: &'a [Expected],
+    pub priors: &'a [Prior],
     /// Largest absolute value of each parameter.
     pub limits: &'a [f64],
 }
@@ -92,9 +92,9 @@ struct Search<'a> {
 }
 
 /// Parameters of a search, with derived quantities.
-struct Tried {
+struct Trial {
     at: Vec<f64>,
-    feet: Vec<Foot>,
+    closest_points: Vec<ClosestPoint>,
     /// Unit of distances in standard deviations: far points have full weight at first, and less as the curve
     /// approaches.
     scale: f64,
@@ -104,55 +104,55 @@ struct Tried {
 }
 
 /// The points contain no information.
-struct Nothing;
+struct NoInformation;
 
 impl Search<'_> {
-    fn at(&self, at: Vec<f64>) -> Tried {
-        let feet = feet(self.points, (self.family.curve)(&at));
-        let scale = scale_of(&feet);
-        let mut tried = Tried { at, feet, scale, cost: f64::NAN, normal: None };
-        self.complete(&mut tried);
-        tried
+    fn at(&self, at: Vec<f64>) -> Trial {
+        let closest_points = project(self.points, (self.family.curve)(&at));
+        let scale = robust_scale(&closest_points);
+        let mut trial = Trial { at, closest_points, scale, cost: f64::NAN, normal: None };
+        self.complete(&mut trial);
+        trial
     }
 
-    fn complete(&self, tried: &mut Tried) {
-        tried.cost = self.family.cost(&tried.feet, &tried.at, tried.scale);
-        tried.normal = Some(self.family.normal(&tried.at, &tried.feet, tried.scale));
+    fn complete(&self, trial: &mut Trial) {
+        trial.cost = self.family.cost(&trial.closest_points, &trial.at, trial.scale);
+        trial.normal = Some(self.family.normal(&trial.at, &trial.closest_points, trial.scale));
     }
 }
 
 impl Problem for Search<'_> {
-    type State = Tried;
-    type Error = Nothing;
+    type State = Trial;
+    type Error = NoInformation;
 
-    fn cost(&self, tried: &Tried) -> f64 {
-        tried.cost
+    fn cost(&self, trial: &Trial) -> f64 {
+        trial.cost
     }
 
-    fn step(&self, from: &Tried, damping: f64) -> Result<Step<Tried>, Nothing> {
-        let Some((information, slope)) = &from.normal else { return Ok(Step::End) };
+    fn step(&self, from: &Trial, damping: f64) -> Result<Step<Trial>, NoInformation> {
+        let Some((information, score)) = &from.normal else { return Ok(Step::End) };
         let mut damped = information.clone();
         for k in 0..from.at.len() {
             damped[(k, k)] += damping * information[(k, k)].max(1e-12);
         }
         // The points contain no information about the common offset: only damping limits the step in that direction.
         let Some(factors) = damped.cholesky() else {
-            return if damping * DAMPING.up > DAMPING.most { Err(Nothing) } else { Ok(Step::Singular) };
+            return if damping * DAMPING.up > DAMPING.most { Err(NoInformation) } else { Ok(Step::Singular) };
         };
-        let step = factors.solve(slope);
-        if step.dot(slope) < CONVERGED {
+        let step = factors.solve(score);
+        if step.dot(score) < CONVERGED {
             return Ok(Step::End);
         }
         let limited = from.at.iter().zip(step.iter()).zip(self.family.limits);
         let at: Vec<f64> = limited.map(|((a, s), l)| (a + s).clamp(-l, *l)).collect();
-        let feet = feet(self.points, (self.family.curve)(&at));
-        let cost = self.family.cost(&feet, &at, from.scale);
-        Ok(Step::Trial(Tried { at, feet, scale: from.scale, cost, normal: None }))
+        let closest_points = project(self.points, (self.family.curve)(&at));
+        let cost = self.family.cost(&closest_points, &at, from.scale);
+        Ok(Step::Trial(Trial { at, closest_points, scale: from.scale, cost, normal: None }))
     }
 
-    fn accept(&self, from: &Tried, to: &mut Tried) -> bool {
+    fn accept(&self, from: &Trial, to: &mut Trial) -> bool {
         let small = from.cost - to.cost < CONVERGED;
-        let tighter = scale_of(&to.feet);
+        let tighter = robust_scale(&to.closest_points);
         let settled = tighter > 0.9 * from.scale;
         to.scale = tighter.min(from.scale);
         self.complete(to);
@@ -165,67 +165,76 @@ impl Family<'_> {
     pub fn fit(&self, points: &[CloudPoint], start: &[f64], iterations: usize) -> Option<Fitted> {
         let search = Search { family: self, points };
         let found = levenberg_marquardt(&search, search.at(start.to_vec()), DAMPING, iterations).ok()?;
-        self.fitted(found.at, &found.feet)
+        self.fitted(found.at, &found.closest_points)
     }
 
     /// Properties of a fit that ends at these parameters; `None` if the points contain no information.
     pub(crate) fn at(&self, points: &[CloudPoint], parameters: Vec<f64>) -> Option<Fitted> {
-        let feet = feet(points, (self.curve)(&parameters));
-        self.fitted(parameters, &feet)
+        let closest_points = project(points, (self.curve)(&parameters));
+        self.fitted(parameters, &closest_points)
     }
 
-    fn fitted(&self, parameters: Vec<f64>, feet: &[Foot]) -> Option<Fitted> {
-        let information = self.normal(&parameters, feet, 1.0).0;
+    fn fitted(&self, parameters: Vec<f64>, closest_points: &[ClosestPoint]) -> Option<Fitted> {
+        let information = self.normal(&parameters, closest_points, 1.0).0;
         let (curve, prior) = ((self.curve)(&parameters), self.prior(&parameters));
-        let cost = self.cost(feet, &parameters, 1.0);
+        let cost = self.cost(closest_points, &parameters, 1.0);
         cost.is_finite().then_some(Fitted { parameters, curve, cost, prior, information })
     }
 
     /// Robust cost with distances in units of `scale` standard deviations.
-    pub(crate) fn cost(&self, feet: &[Foot], at: &[f64], scale: f64) -> f64 {
+    pub(crate) fn cost(&self, closest_points: &[ClosestPoint], at: &[f64], scale: f64) -> f64 {
         let limit = (CAUCHY * scale).powi(2);
         // The logarithm of a product, which takes as long as that of one number.
-        let of = |feet: &[Foot]| feet.iter().map(|f| 1.0 + f.distance * f.distance / limit).product::<f64>();
-        let one = |f: &Foot| (1.0 + f.distance * f.distance / limit).ln();
-        let few = |feet: &[Foot]| {
-            Some(of(feet)).filter(|p| p.is_finite()).map_or_else(|| feet.iter().map(one).sum(), f64::ln)
+        let of = |closest_points: &[ClosestPoint]| {
+            closest_points.iter().map(|f| 1.0 + f.distance * f.distance / limit).product::<f64>()
         };
-        let misfit = limit * feet.chunks(8).map(few).sum::<f64>();
+        let one = |f: &ClosestPoint| (1.0 + f.distance * f.distance / limit).ln();
+        let few = |closest_points: &[ClosestPoint]| {
+            Some(of(closest_points))
+                .filter(|p| p.is_finite())
+                .map_or_else(|| closest_points.iter().map(one).sum(), f64::ln)
+        };
+        let misfit = limit * closest_points.chunks(8).map(few).sum::<f64>();
         misfit / (scale * scale) + self.prior(at)
     }
 
     /// −2 ln prior of the parameters.
     pub(crate) fn prior(&self, at: &[f64]) -> f64 {
-        at.iter().zip(self.expected).map(|(a, e)| e.cost(*a)).sum()
+        at.iter().zip(self.priors).map(|(a, e)| e.cost(*a)).sum()
     }
 
     /// Prior information of each parameter.
-    pub(crate) fn pull(&self, at: &[f64]) -> Vec<f64> {
-        at.iter().zip(self.expected).map(|(a, e)| e.pull(*a)).collect()
+    pub(crate) fn information(&self, at: &[f64]) -> Vec<f64> {
+        at.iter().zip(self.priors).map(|(a, e)| e.information(*a)).collect()
     }
 
     /// Normal matrix and right side of a step.
-    pub(crate) fn normal(&self, at: &[f64], feet: &[Foot], scale: f64) -> (DMatrix<f64>, DVector<f64>) {
+    pub(crate) fn normal(
+        &self,
+        at: &[f64],
+        closest_points: &[ClosestPoint],
+        scale: f64,
+    ) -> (DMatrix<f64>, DVector<f64>) {
         let n = at.len();
-        let moved = self.moved(at);
+        let varied = self.varied(at);
         let middle = (self.curve)(at);
-        let pull = self.pull(at);
-        let mut right = DVector::from_iterator(n, at.iter().zip(&pull).map(|(a, by)| -a * by));
-        let mut matrix = DMatrix::from_diagonal(&pull.into());
-        let of_block = |feet: &[Foot]| {
+        let information = self.information(at);
+        let mut right = DVector::from_iterator(n, at.iter().zip(&information).map(|(a, by)| -a * by));
+        let mut matrix = DMatrix::from_diagonal(&information.into());
+        let of_block = |closest_points: &[ClosestPoint]| {
             let mut sums = Normal::default();
             vectorised(
                 #[inline(always)]
                 || {
-                    for feet in feet.chunks(SIDE_BY_SIDE) {
-                        sums.add(&Lanes::new(feet, scale), &middle, &moved);
+                    for closest_points in closest_points.chunks(LANE_COUNT) {
+                        sums.add(&Lanes::new(closest_points, scale), &middle, &varied);
                     }
                 },
             );
             sums
         };
         // Blocks of fixed size, added in order: the result does not depend on timing.
-        let blocks: Vec<_> = feet.par_chunks(2048).map(of_block).collect();
+        let blocks: Vec<_> = closest_points.par_chunks(2048).map(of_block).collect();
         for block in blocks {
             for i in 0..n {
                 right[i] += block.right[i].iter().sum::<f64>();
@@ -243,26 +252,26 @@ impl Family<'_> {
     }
 
     /// The curve for a small change of each parameter, and the size of that change.
-    pub(crate) fn moved(&self, at: &[f64]) -> Vec<(Curve, f64)> {
+    pub(crate) fn varied(&self, at: &[f64]) -> Vec<(Curve, f64)> {
         const STEP: f64 = 1e-6;
         (0..at.len())
             .map(|k| {
-                let mut moved = at.to_vec();
-                moved[k] += STEP;
-                ((self.curve)(&moved), STEP)
+                let mut varied = at.to_vec();
+                varied[k] += STEP;
+                ((self.curve)(&varied), STEP)
             })
             .collect()
     }
 
     /// Information gain about the parameters from points with `widened` times their noise variance: Laplace's factor as
     /// −2 ln of the posterior volume over the prior volume.
-    pub fn told(&self, fitted: &Fitted, widened: f64) -> f64 {
-        let sizes: Vec<f64> = self.expected.iter().map(|e| e.size()).collect();
-        let (n, pull) = (sizes.len(), self.pull(&fitted.parameters));
+    pub fn information_gain(&self, fitted: &Fitted, widened: f64) -> f64 {
+        let sizes: Vec<f64> = self.priors.iter().map(|e| e.size()).collect();
+        let (n, information) = (sizes.len(), self.information(&fitted.parameters));
         let scaled = DMatrix::from_fn(n, n, |i, j| {
-            let expected = if i == j { pull[i] } else { 0.0 };
-            let told = (fitted.information[(i, j)] - expected) / widened * sizes[i] * sizes[j];
-            told + if i == j { 1.0 } else { 0.0 }
+            let prior = if i == j { information[i] } else { 0.0 };
+            let information_gain = (fitted.information[(i, j)] - prior) / widened * sizes[i] * sizes[j];
+            information_gain + if i == j { 1.0 } else { 0.0 }
         });
         scaled.symmetric_eigen().eigenvalues.iter().map(|v| v.max(1.0).ln()).sum()
     }
@@ -271,19 +280,19 @@ impl Family<'_> {
     /// common offset; `widened` multiplies the variance of the points.
     pub fn spread(&self, fitted: &Fitted, points: &[CloudPoint], widened: f64) -> f64 {
         let n = fitted.parameters.len();
-        let path = Path::new(fitted.curve);
-        let moved = self.moved(&fitted.parameters);
+        let curve_samples = CurveSamples::new(fitted.curve);
+        let varied = self.varied(&fitted.parameters);
         let rows: Vec<DVector<f64>> = points
             .iter()
             .map(|point| {
-                let theta = path.foot(point).theta;
+                let theta = curve_samples.closest_point(point).theta;
                 let (q, t) = fitted.curve.with_tangent(theta);
                 let [a, b, c] = point.weights();
                 let (wx, wy) = (a * t[0] + b * t[1], b * t[0] + c * t[1]);
                 let speed = (wx * t[0] + wy * t[1]).max(f64::MIN_POSITIVE);
                 DVector::from_iterator(
                     n,
-                    moved.iter().map(|(curve, step)| {
+                    varied.iter().map(|(curve, step)| {
                         let p = curve.at(theta);
                         -(wx * (p[0] - q[0]) + wy * (p[1] - q[1])) / speed / step
                     }),

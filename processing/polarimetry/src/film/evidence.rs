@@ -6,8 +6,8 @@
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
-use crate::film::foot::{Foot, feet, scale_of};
 use crate::film::normal::CAUCHY;
+use crate::film::projection::{ClosestPoint, project, robust_scale};
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 
@@ -27,13 +27,13 @@ pub fn misfit(points: &[CloudPoint], curve: &Curve) -> f64 {
 
 /// −2 ln likelihood of each point.
 pub fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
-    let feet = feet(points, *curve);
+    let closest_points = project(points, *curve);
     let limit = CAUCHY * CAUCHY;
     // The fraction of mirror pixels is an additional fitted parameter.
-    let mirrors = feet.iter().filter(|f| f.mirror).count() as f64 / feet.len().max(1) as f64;
+    let mirrors = closest_points.iter().filter(|f| f.mirror).count() as f64 / closest_points.len().max(1) as f64;
     let mut terms: Vec<f64> = points
         .iter()
-        .zip(&feet)
+        .zip(&closest_points)
         .map(|(p, f)| {
             let square = f.distance * f.distance;
             if f.mirror {
@@ -46,22 +46,22 @@ pub fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
             limit * (1.0 + square / limit).ln() + (TAU / (x * x + y * y)).ln() - 2.0 * (1.0 - mirrors).ln()
         })
         .collect();
-    for (i, crowding) in crowding(points, &feet, curve, 1.0) {
+    for (i, crowding) in crowding(points, &closest_points, curve, 1.0) {
         terms[i] += 2.0 * crowding;
     }
     terms
 }
 
 /// −2 ln likelihood for a curve far from the fit, with noise increased to explain the distances.
-pub(crate) fn screening(points: &[CloudPoint], feet: &[Foot], curve: &Curve) -> f64 {
-    let scale = scale_of(feet);
-    let crowding: f64 = crowding(points, feet, curve, scale).iter().map(|c| c.1).sum();
+pub(crate) fn screening(points: &[CloudPoint], closest_points: &[ClosestPoint], curve: &Curve) -> f64 {
+    let scale = robust_scale(closest_points);
+    let crowding: f64 = crowding(points, closest_points, curve, scale).iter().map(|c| c.1).sum();
     2.0 * (points.len() as f64 * scale.ln() + crowding)
 }
 
 /// −ln of the points' density along the curve, with their indices.
-fn crowding(points: &[CloudPoint], feet: &[Foot], curve: &Curve, scale: f64) -> Vec<(usize, f64)> {
-    let n = feet.iter().filter(|f| !f.mirror).count();
+fn crowding(points: &[CloudPoint], closest_points: &[ClosestPoint], curve: &Curve, scale: f64) -> Vec<(usize, f64)> {
+    let n = closest_points.iter().filter(|f| !f.mirror).count();
     if n < 4 {
         return vec![];
     }
@@ -73,20 +73,20 @@ fn crowding(points: &[CloudPoint], feet: &[Foot], curve: &Curve, scale: f64) -> 
     }
     let total = length[NODES];
     // Arc-length position of each point, and its spread by noise.
-    let place = |(point, foot): (&CloudPoint, &Foot)| {
-        let place = foot.theta.rem_euclid(PI) / step;
+    let place = |(point, closest): (&CloudPoint, &ClosestPoint)| {
+        let place = closest.theta.rem_euclid(PI) / step;
         let k = (place as usize).min(NODES - 1);
         // The projection is the nearest point in the metric of the noise, so errors along and across the curve are
         // independent. The product of their variances is the determinant.
-        let ([x, y], [a, b, c]) = (foot.gradient, point.covariance);
+        let ([x, y], [a, b, c]) = (closest.gradient, point.covariance);
         let along = (a * c - b * b) * (x * x + y * y);
         (length[k] + (length[k + 1] - length[k]) * (place - k as f64), scale * along.sqrt())
     };
     let mut at: Vec<(usize, (f64, f64))> = points
         .iter()
-        .zip(feet)
+        .zip(closest_points)
         .enumerate()
-        .filter(|(_, (_, foot))| !foot.mirror)
+        .filter(|(_, (_, closest))| !closest.mirror)
         .map(|(i, pair)| (i, place(pair)))
         .collect();
     at.sort_by(|a, b| a.1.0.total_cmp(&b.1.0));

@@ -21,17 +21,17 @@
 
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::curve::{Curve, Film};
-use crate::film::curve_fit::{COST_OF_NOISE, Expected, Family, Fitted};
+use crate::film::curve_fit::{COST_OF_NOISE, Family, Fitted, Prior};
 use crate::film::evidence;
-use crate::film::foot::Path;
-use crate::film::mixture;
+use crate::film::npmle;
+use crate::film::projection::CurveSamples;
 use nacre_base::statistics::median;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Number of points below which the distribution of orientations cannot be fitted.
-pub(crate) const MIXTURE: usize = 2000;
+pub(crate) const NPMLE_MIN_POINTS: usize = 2000;
 
 /// Number of points for the orientation error caused by the parameters' uncertainty.
 pub(crate) const SPREAD: usize = 500;
@@ -73,7 +73,7 @@ pub(crate) struct Candidate {
     pub prior: f64,
     /// Information gain of the points about the parameters relative to their prior, as ln of a ratio of variances;
     /// `None` without priors.
-    pub told: Option<f64>,
+    pub information_gain: Option<f64>,
     /// Scatter variance of points about the curve, relative to their noise.
     pub widened: f64,
     /// Root mean square orientation error in rad caused by the parameters' uncertainty.
@@ -107,7 +107,7 @@ pub(crate) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
     let about = |center: [f64; 2], model, count: usize| -> Option<Candidate> {
         let family = Family {
             curve: &|p: &[f64]| Curve::circle(center, p[0]),
-            expected: &[Expected::Anything],
+            priors: &[Prior::Anything],
             limits: &[f64::INFINITY],
         };
         let begun = family.fit(&few, &[radius(&few, center)], 30)?;
@@ -118,7 +118,7 @@ pub(crate) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
         [about([0.0; 2], Model::Sinusoid, 1), about(mean, Model::Prenormalized, 3)].into_iter().flatten().collect();
     let family = Family {
         curve: &|p: &[f64]| Curve::circle([p[0], p[1]], p[2]),
-        expected: &[Expected::Anything; 3],
+        priors: &[Prior::Anything; 3],
         limits: &[f64::INFINITY; 3],
     };
     let starts = [mean, crate::film::check::circle_center(points).unwrap_or(mean)];
@@ -151,7 +151,7 @@ impl Evidence {
 
     /// Standard deviation of the difference of two −2 ln likelihoods: √n times that of its contributions by single
     /// points (Vuong 1989).
-    pub fn chance(&self, other: &Self) -> f64 {
+    pub fn difference_sigma(&self, other: &Self) -> f64 {
         let n = self.terms.len().max(1) as f64;
         let differences = || self.terms.iter().zip(&other.terms).map(|(a, b)| a - b);
         let mean = differences().sum::<f64>() / n;
@@ -175,20 +175,20 @@ impl Candidate {
     /// Penalised −2 ln likelihood of points whose variances are `widened` times their noise.
     pub(crate) fn evidence(&self, points: &[CloudPoint], widened: f64) -> Evidence {
         let points: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
-        let terms = if points.len() < MIXTURE {
+        let terms = if points.len() < NPMLE_MIN_POINTS {
             evidence::terms(&points, &self.curve)
         } else {
-            mixture::terms(&points, &self.curve)
+            npmle::terms(&points, &self.curve)
         };
-        self.paid(terms)
+        self.penalised(terms)
     }
 
     /// Penalised −2 ln likelihood from the contributions of the points.
-    pub(crate) fn paid(&self, terms: Vec<f64>) -> Evidence {
+    pub(crate) fn penalised(&self, terms: Vec<f64>) -> Evidence {
         // Laplace's factor for parameters with priors, otherwise that of Schwarz.
-        let paid = self.told.unwrap_or(self.parameters as f64 * (terms.len().max(2) as f64).ln());
+        let penalised = self.information_gain.unwrap_or(self.parameters as f64 * (terms.len().max(2) as f64).ln());
         let likelihood = terms.iter().sum::<f64>() + self.prior;
-        Evidence { total: likelihood + paid, likelihood, terms }
+        Evidence { total: likelihood + penalised, likelihood, terms }
     }
 }
 
@@ -209,7 +209,7 @@ fn phase(
         curve: fitted.curve,
         center: Some(center),
         prior: fitted.prior,
-        told: None,
+        information_gain: None,
         widened,
         uncertain,
         film: None,
@@ -233,10 +233,10 @@ fn radius(points: &[CloudPoint], center: [f64; 2]) -> f64 {
 }
 
 /// The orientation of a point under a candidate and its σ, both in rad.
-pub(crate) fn orientation(candidate: &Candidate, path: &Path, point: &CloudPoint) -> (f64, f64) {
+pub(crate) fn orientation(candidate: &Candidate, curve_samples: &CurveSamples, point: &CloudPoint) -> (f64, f64) {
     let theta = match candidate.center {
         Some(c) => 0.5 * (point.at[1] - c[1]).atan2(point.at[0] - c[0]),
-        None => path.foot(point).theta,
+        None => curve_samples.closest_point(point).theta,
     };
     let (_, t) = candidate.curve.with_tangent(theta);
     let [a, b, c] = point.weights();

@@ -1,7 +1,7 @@
 //! Sums of a least-squares step over several points in parallel lanes, which the compiler vectorises.
 
 use crate::film::curve::{Curve, PARAMETERS};
-use crate::film::foot::{Foot, SIDE_BY_SIDE};
+use crate::film::projection::{ClosestPoint, LANE_COUNT};
 
 /// Scale of the Cauchy weights in standard deviations: the weight of larger distances decreases.
 pub const CAUCHY: f64 = 3.0;
@@ -11,43 +11,43 @@ const MOST: usize = PARAMETERS;
 
 /// A few projections in parallel lanes; missing ones have zero weight.
 pub(crate) struct Lanes {
-    turn: [[f64; SIDE_BY_SIDE]; 2],
-    gradient: [[f64; SIDE_BY_SIDE]; 2],
-    distance: [f64; SIDE_BY_SIDE],
-    weight: [f64; SIDE_BY_SIDE],
-    mirror: [bool; SIDE_BY_SIDE],
+    turn: [[f64; LANE_COUNT]; 2],
+    gradient: [[f64; LANE_COUNT]; 2],
+    distance: [f64; LANE_COUNT],
+    weight: [f64; LANE_COUNT],
+    mirror: [bool; LANE_COUNT],
 }
 
 impl Lanes {
     #[inline(always)]
-    pub(crate) fn new(feet: &[Foot], scale: f64) -> Self {
-        let none = [0.0; SIDE_BY_SIDE];
+    pub(crate) fn new(closest_points: &[ClosestPoint], scale: f64) -> Self {
+        let none = [0.0; LANE_COUNT];
         let mut lanes = Self {
-            turn: [none, [1.0; SIDE_BY_SIDE]],
+            turn: [none, [1.0; LANE_COUNT]],
             gradient: [none; 2],
             distance: none,
             weight: none,
-            mirror: [false; SIDE_BY_SIDE],
+            mirror: [false; LANE_COUNT],
         };
-        for (i, foot) in feet.iter().enumerate().take(SIDE_BY_SIDE) {
-            (lanes.turn[0][i], lanes.turn[1][i]) = foot.turn;
-            (lanes.gradient[0][i], lanes.gradient[1][i]) = (foot.gradient[0], foot.gradient[1]);
-            (lanes.distance[i], lanes.mirror[i]) = (foot.distance, foot.mirror);
-            lanes.weight[i] = 1.0 / (1.0 + (foot.distance / (CAUCHY * scale)).powi(2)) / (scale * scale);
+        for (i, closest) in closest_points.iter().enumerate().take(LANE_COUNT) {
+            (lanes.turn[0][i], lanes.turn[1][i]) = closest.turn;
+            (lanes.gradient[0][i], lanes.gradient[1][i]) = (closest.gradient[0], closest.gradient[1]);
+            (lanes.distance[i], lanes.mirror[i]) = (closest.distance, closest.mirror);
+            lanes.weight[i] = 1.0 / (1.0 + (closest.distance / (CAUCHY * scale)).powi(2)) / (scale * scale);
         }
         lanes
     }
 
     /// Positions of the projections on a curve.
     #[inline(always)]
-    fn places(&self, curve: &Curve) -> [[f64; SIDE_BY_SIDE]; 2] {
-        let [mut x, mut y] = [[0.0; SIDE_BY_SIDE]; 2];
-        for i in 0..SIDE_BY_SIDE {
+    fn positions(&self, curve: &Curve) -> [[f64; LANE_COUNT]; 2] {
+        let [mut x, mut y] = [[0.0; LANE_COUNT]; 2];
+        for i in 0..LANE_COUNT {
             let (at, _) = curve.at_turn((self.turn[0][i], self.turn[1][i]));
             (x[i], y[i]) = (at[0], at[1]);
         }
         if let Some([mx, my]) = curve.mirror {
-            for i in 0..SIDE_BY_SIDE {
+            for i in 0..LANE_COUNT {
                 (x[i], y[i]) = if self.mirror[i] { (mx, my) } else { (x[i], y[i]) };
             }
         }
@@ -57,38 +57,38 @@ impl Lanes {
 
 /// Sums of the lower triangle of the normal matrix and of the right side, lane by lane.
 pub(crate) struct Normal {
-    pub(crate) matrix: [[[f64; SIDE_BY_SIDE]; MOST]; MOST],
-    pub(crate) right: [[f64; SIDE_BY_SIDE]; MOST],
+    pub(crate) matrix: [[[f64; LANE_COUNT]; MOST]; MOST],
+    pub(crate) right: [[f64; LANE_COUNT]; MOST],
 }
 
 impl Default for Normal {
     fn default() -> Self {
-        let row = [[0.0; SIDE_BY_SIDE]; MOST];
+        let row = [[0.0; LANE_COUNT]; MOST];
         Self { matrix: [row; MOST], right: row }
     }
 }
 
 impl Normal {
     #[inline(always)]
-    pub(crate) fn add(&mut self, feet: &Lanes, middle: &Curve, moved: &[(Curve, f64)]) {
-        let [qx, qy] = feet.places(middle);
-        let [gx, gy] = &feet.gradient;
-        let mut rows = [[0.0; SIDE_BY_SIDE]; MOST];
+    pub(crate) fn add(&mut self, closest_points: &Lanes, middle: &Curve, moved: &[(Curve, f64)]) {
+        let [qx, qy] = closest_points.positions(middle);
+        let [gx, gy] = &closest_points.gradient;
+        let mut rows = [[0.0; LANE_COUNT]; MOST];
         for (row, (curve, step)) in rows.iter_mut().zip(moved) {
-            let [px, py] = feet.places(curve);
-            for k in 0..SIDE_BY_SIDE {
+            let [px, py] = closest_points.positions(curve);
+            for k in 0..LANE_COUNT {
                 row[k] = (gx[k] * (px[k] - qx[k]) + gy[k] * (py[k] - qy[k])) / step;
             }
         }
         let sums = self.matrix.iter_mut().zip(&mut self.right);
         for (i, (sums, right)) in sums.enumerate().take(moved.len()) {
-            let mut weighted = feet.weight;
+            let mut weighted = closest_points.weight;
             weighted.iter_mut().zip(&rows[i]).for_each(|(w, entry)| *w *= entry);
-            let add = |sum: &mut [f64; SIDE_BY_SIDE], by: &[f64; SIDE_BY_SIDE]| {
+            let add = |sum: &mut [f64; LANE_COUNT], by: &[f64; LANE_COUNT]| {
                 sum.iter_mut().zip(weighted.iter().zip(by)).for_each(|(sum, (w, by))| *sum += w * by);
             };
             sums.iter_mut().zip(&rows).take(i + 1).for_each(|(sum, row)| add(sum, row));
-            add(right, &feet.distance);
+            add(right, &closest_points.distance);
         }
     }
 }

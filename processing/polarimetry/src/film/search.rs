@@ -4,25 +4,25 @@
 use crate::angle_difference;
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::curve::{Curve, Film, PARAMETERS};
-use crate::film::curve_fit::{Expected, Family, Fitted};
+use crate::film::curve_fit::{Family, Fitted, Prior};
 use crate::film::evidence;
-use crate::film::foot::Path;
-use crate::film::likeliest::likeliest;
-use crate::film::mixture;
-use crate::film::models::{Candidate, MIXTURE, Model, SPREAD, candidates, widened};
+use crate::film::max_likelihood::maximise_likelihood;
+use crate::film::models::{Candidate, Model, NPMLE_MIN_POINTS, SPREAD, candidates, widened};
+use crate::film::npmle;
+use crate::film::projection::CurveSamples;
+use crate::film::segment_means::segment_means;
 use crate::film::starts::{nearest, starts};
-use crate::film::sums::summed_up;
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// Points on which starts are tested, and on which the best ones are followed; the last ones are fitted to [`SAMPLE`].
-const TRIED: usize = 200;
-const FOLLOWED: usize = 400;
+const FIRST_SAMPLE: usize = 200;
+const SECOND_SAMPLE: usize = 400;
 
 /// Number of curves that are tested for a few steps, that are followed, and that are fitted to more points.
 const STARTS: usize = 120;
-const KEPT: usize = 40;
+const SECOND_STARTS: usize = 40;
 const FINALISTS: usize = 6;
 
 /// Orientation difference in rad up to which results count as equal.
@@ -34,8 +34,8 @@ const SAME_MINIMUM: f64 = 0.1;
 /// Priors of the parameters. They assume that strongly polarizing gratings are rare (ln r) and that films are packaging
 /// films (retardance up to 10° in the paper, front reflection). Retarder errors are a few degrees, and stray light is
 /// that of a dark room.
-const EXPECTED: [Expected; PARAMETERS] = {
-    use Expected::{Anything, Mostly, Near};
+const PRIORS: [Prior; PARAMETERS] = {
+    use Prior::{Anything, Mostly, Near};
     [Mostly(0.5), Anything, Near(0.15), Anything, Near(0.1), Near(0.1), Near(0.03), Near(0.015), Near(0.5)]
 };
 
@@ -43,7 +43,7 @@ const EXPECTED: [Expected; PARAMETERS] = {
 /// an amplitude of 0.2). The prior of the fit is narrower: many films have none, and unmodelled effects would be
 /// attributed to it.
 const FRONT: [usize; 2] = [4, 5];
-const POSSIBLE_FRONT: Expected = Expected::Near(0.15);
+const WIDE_FRONT: Prior = Prior::Near(0.15);
 
 /// Largest absolute values: unmodelled effects must not be fitted by an extreme film, such as glass fibre behind a
 /// mirror.
@@ -107,10 +107,15 @@ pub(crate) const ENOUGH: f64 = 1.05;
 /// Fits the curve with four to eight free parameters, and with bare metal where that fits better.
 pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) -> Vec<Candidate> {
     let of = |count| thinned(points, count);
-    let samples =
-        Samples { tried: of(TRIED), followed: of(FOLLOWED), last: of(SAMPLE), enough: ENOUGH, score: likelihood };
+    let samples = Samples {
+        first: of(FIRST_SAMPLE),
+        second: of(SECOND_SAMPLE),
+        last: of(SAMPLE),
+        enough: ENOUGH,
+        score: likelihood,
+    };
     let begun = match begin {
-        Begin::Anywhere => starts(&samples.tried, circle, STARTS),
+        Begin::Anywhere => starts(&samples.first, circle, STARTS),
         Begin::At(films) => films.to_vec(),
     };
     let (mut sets, mut found) = (&SETS, samples.search_all(&SETS, begun.clone()));
@@ -122,46 +127,46 @@ pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
     }
     // All films that explain the points have curves close to the best one, and sums about it distinguish them as all
     // points do.
-    let Some(sums) = found.best.and_then(|(set, film)| about(&set, &film, points)) else { return vec![] };
+    let Some(means) = found.best.and_then(|(set, film)| means_about(&set, &film, points)) else { return vec![] };
     let mut films = found.films();
     if let Begin::Anywhere = begin {
         films.extend(begun);
-        films.extend(nearest(&sums, STARTS));
+        films.extend(nearest(&means, STARTS));
     }
-    let of_sums =
-        Samples { tried: sums.clone(), followed: sums.clone(), last: sums.clone(), enough: 0.0, score: |_, f| f.cost };
-    let found = of_sums.search_all(sets, films);
+    let of_means =
+        Samples { first: means.clone(), second: means.clone(), last: means.clone(), enough: 0.0, score: |_, f| f.cost };
+    let found = of_means.search_all(sets, films);
     // A minimum for fewer or more parameters is a good start for another set.
     let films = found.films();
     let polarized = 0.5 * (circle.at(0.0)[0] - circle.at(FRAC_PI_2)[0]).abs() > POLARIZED;
-    let mut all = if polarized { finish(&POLARIZER, &films, &sums, points) } else { vec![] };
+    let mut all = if polarized { finish(&POLARIZER, &films, &means, points) } else { vec![] };
     let polarizer = all.first().and_then(|c| c.film);
-    all.extend(polarizer.into_iter().flat_map(|film| along_valley(&film, &sums, points)));
-    all.extend(sets.iter().flat_map(|set| finish(set, &films, &sums, points)));
+    all.extend(polarizer.into_iter().flat_map(|film| along_valley(&film, &means, points)));
+    all.extend(sets.iter().flat_map(|set| finish(set, &films, &means, points)));
     all
 }
 
 /// Candidates of the simplest set along the valley: the best ones for given ln r, starting from a polarizer behind a
 /// film.
-fn along_valley(polarizer: &Film, sums: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
+fn along_valley(polarizer: &Film, means: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
     let at = |ln_r: &f64| {
         let start = |k: u32| Film { zeta: FRAC_PI_4 * f64::from(k), ..*polarizer };
         let film = with_family_of(&HELD, *ln_r, |family, film| {
-            let fits = (0..8).filter_map(|k| family.fit(sums, &taken(HELD.0, &start(k)), 30));
+            let fits = (0..8).filter_map(|k| family.fit(means, &free_parameters(HELD.0, &start(k)), 30));
             fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).map(|fit| film(&fit.parameters))
         })?;
         let set = &SETS[0];
         with_family(set, |family, _| {
-            Some(candidate(set, family, &family.at(points, taken(set.0, &film))?, film, points))
+            Some(candidate(set, family, &family.at(points, free_parameters(set.0, &film))?, film, points))
         })
     };
     VALLEY.par_iter().filter_map(at).collect()
 }
 
 /// Sums of all points about a film's curve, after it is fitted to them.
-fn about(set: &Set, film: &Film, points: &[CloudPoint]) -> Option<Vec<CloudPoint>> {
-    let fitted = with_family(set, |family, _| family.fit(points, &taken(set.0, film), 10))?;
-    Some(summed_up(points, &fitted.curve))
+fn means_about(set: &Set, film: &Film, points: &[CloudPoint]) -> Option<Vec<CloudPoint>> {
+    let fitted = with_family(set, |family, _| family.fit(points, &free_parameters(set.0, film), 10))?;
+    Some(segment_means(points, &fitted.curve))
 }
 
 /// Result of a search.
@@ -182,8 +187,8 @@ impl Found {
 
 /// Nested samples of the points, and the score that ranks fits to them.
 struct Samples {
-    tried: Vec<CloudPoint>,
-    followed: Vec<CloudPoint>,
+    first: Vec<CloudPoint>,
+    second: Vec<CloudPoint>,
     last: Vec<CloudPoint>,
     /// Scatter variance relative to the noise below which no more parameters are needed.
     enough: f64,
@@ -221,11 +226,11 @@ impl Samples {
         let free = set.0;
         let score = self.score;
         with_family(set, |family, film| {
-            let fits = begun.par_iter().filter_map(|start| family.fit(&self.tried, &taken(free, start), 8));
-            let mut tried = best_first(fits, |f| score(&self.tried, f));
-            tried.truncate(KEPT);
-            let fits = tried.par_iter().filter_map(|(_, f)| family.fit(&self.followed, &f.parameters, 25));
-            let first = distinct(best_first(fits, |f| score(&self.followed, f)));
+            let fits = begun.par_iter().filter_map(|start| family.fit(&self.first, &free_parameters(free, start), 8));
+            let mut first = best_first(fits, |f| score(&self.first, f));
+            first.truncate(SECOND_STARTS);
+            let fits = first.par_iter().filter_map(|(_, f)| family.fit(&self.second, &f.parameters, 25));
+            let first = distinct(best_first(fits, |f| score(&self.second, f)));
             let fits = first.par_iter().filter_map(|f| family.fit(&self.last, &f.parameters, 30));
             let best = best_first(fits, |f| score(&self.last, f));
             best.iter().map(|(score, f)| (*score, f.cost, film(&f.parameters))).collect()
@@ -240,10 +245,10 @@ pub(crate) fn alike(a: &Curve, b: &Curve) -> bool {
 
 /// Candidates of a set from the most promising films: the best one, and others with an equal fit but other
 /// orientations.
-fn finish(set: &Set, films: &[Film], sums: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
+fn finish(set: &Set, films: &[Film], means: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
     let free = set.0;
     with_family(set, |family, film| {
-        let fits = films.par_iter().filter_map(|start| family.fit(sums, &taken(free, start), 60));
+        let fits = films.par_iter().filter_map(|start| family.fit(means, &free_parameters(free, start), 60));
         let near = distinct(best_first(fits, |f| f.cost));
         let fits = near.par_iter().take(2).filter_map(|f| family.fit(points, &f.parameters, 10));
         // A front reflection, retarder error or stray light at its limit indicates an unmodelled effect.
@@ -265,18 +270,18 @@ fn candidate(set: &Set, family: &Family<'_>, fit: &Fitted, film: Film, points: &
         curve: fit.curve,
         center: None,
         prior: fit.prior,
-        told: Some(family.told(fit, widened)),
+        information_gain: Some(family.information_gain(fit, widened)),
         widened,
-        uncertain: family.spread(&less_told(set, fit), &thinned(points, SPREAD), widened),
+        uncertain: family.spread(&with_wide_front_prior(set, fit), &thinned(points, SPREAD), widened),
         film: Some(film),
     }
 }
 
 /// A fit with the wider prior of the front reflection.
-fn less_told(set: &Set, fit: &Fitted) -> Fitted {
+fn with_wide_front_prior(set: &Set, fit: &Fitted) -> Fitted {
     let mut fit = fit.clone();
     for (i, k) in set.0.iter().enumerate().filter(|(_, k)| FRONT.contains(k)) {
-        fit.information[(i, i)] += POSSIBLE_FRONT.pull(0.0) - EXPECTED[*k].pull(0.0);
+        fit.information[(i, i)] += WIDE_FRONT.information(0.0) - PRIORS[*k].information(0.0);
     }
     fit
 }
@@ -291,17 +296,17 @@ pub(crate) fn refitted(like: &Candidate, points: &[CloudPoint]) -> Option<Candid
     let Some(film) = like.film else { return candidates(points).into_iter().find(|c| c.model == like.model) };
     let set = set_of(like)?;
     with_family(set, |family, of| {
-        let fit = family.fit(points, &taken(set.0, &film), 30)?;
+        let fit = family.fit(points, &free_parameters(set.0, &film), 30)?;
         Some(candidate(set, family, &fit, of(&fit.parameters), points))
     })
 }
 
 /// The maximum-likelihood curve near a film, with the parameters of a candidate; `None` for a circle. The scatter keeps
 /// the noise reference of the candidate, since the variances of these points may already be widened.
-pub(crate) fn likelier(like: &Candidate, start: Film, points: &[CloudPoint]) -> Option<Candidate> {
+pub(crate) fn with_max_likelihood(like: &Candidate, start: Film, points: &[CloudPoint]) -> Option<Candidate> {
     let set = set_of(like)?;
     with_family(set, |family, film| {
-        let fit = likeliest(family, &family.at(points, taken(set.0, &start))?, points);
+        let fit = maximise_likelihood(family, &family.at(points, free_parameters(set.0, &start))?, points);
         let found = candidate(set, family, &fit, film(&fit.parameters), points);
         Some(Candidate { widened: like.widened, ..found })
     })
@@ -309,10 +314,10 @@ pub(crate) fn likelier(like: &Candidate, start: Film, points: &[CloudPoint]) -> 
 
 /// −2 ln likelihood of points and of the parameters of a fit to them.
 fn likelihood(points: &[CloudPoint], fit: &Fitted) -> f64 {
-    let of_points = if points.len() < MIXTURE {
+    let of_points = if points.len() < NPMLE_MIN_POINTS {
         evidence::misfit(points, &fit.curve)
     } else {
-        mixture::terms(points, &fit.curve).iter().sum()
+        npmle::terms(points, &fit.curve).iter().sum()
     };
     of_points + fit.prior
 }
@@ -325,7 +330,7 @@ fn with_fronts(film: &Film) -> Vec<Film> {
 }
 
 /// The free parameters of a film.
-fn taken(free: &[usize], film: &Film) -> Vec<f64> {
+fn free_parameters(free: &[usize], film: &Film) -> Vec<f64> {
     let all = film.to_array();
     free.iter().map(|k| all[*k].clamp(-LIMITS[*k], LIMITS[*k])).collect()
 }
@@ -351,10 +356,10 @@ fn with_family_of<T>(set: &Set, ln_r: f64, work: impl FnOnce(&Family<'_>, &(dyn 
         }
         Film::from_array(all)
     };
-    let expected: Vec<Expected> = free.iter().map(|k| EXPECTED[*k]).collect();
+    let priors: Vec<Prior> = free.iter().map(|k| PRIORS[*k]).collect();
     let limits: Vec<f64> = free.iter().map(|k| LIMITS[*k]).collect();
     let curve = |p: &[f64]| if mirrors { film(p).curve_and_mirror() } else { film(p).curve() };
-    work(&Family { curve: &curve, expected: &expected, limits: &limits }, &film)
+    work(&Family { curve: &curve, priors: &priors, limits: &limits }, &film)
 }
 
 /// Fits with their scores, the smallest first.
@@ -367,7 +372,7 @@ fn best_first(fits: impl ParallelIterator<Item = Fitted>, score: impl Fn(&Fitted
 /// The best fits with distinct orientations, up to a common offset: first those of other minima with a nearly equal
 /// score, then others of the same minimum. With more parameters the next minimum may become the lower one.
 fn distinct(fits: Vec<(f64, Fitted)>) -> Vec<Fitted> {
-    let hopeless = fits.first().map_or(0.0, |(_, best)| 2.0 * best.cost);
+    let worst_cost = fits.first().map_or(0.0, |(_, best)| 2.0 * best.cost);
     let (mut minima, mut others): (Vec<Fitted>, Vec<Fitted>) = (vec![], vec![]);
     for (_, fit) in fits {
         let near = |other: &Fitted, limit| same_orientations(&fit.curve, &other.curve, limit);
@@ -375,7 +380,7 @@ fn distinct(fits: Vec<(f64, Fitted)>) -> Vec<Fitted> {
             continue;
         }
         let known = minima.iter().any(|other| near(other, SAME_MINIMUM));
-        if known || fit.cost > hopeless { others.push(fit) } else { minima.push(fit) }
+        if known || fit.cost > worst_cost { others.push(fit) } else { minima.push(fit) }
     }
     minima.append(&mut others);
     minima
@@ -384,12 +389,12 @@ fn distinct(fits: Vec<(f64, Fitted)>) -> Vec<Fitted> {
 /// Whether orientations under two curves differ by at most `limit` in rad, after removal of a common offset.
 fn same_orientations(a: &Curve, b: &Curve, limit: f64) -> bool {
     const PLACES: usize = 24;
-    let path = Path::new(*b);
+    let curve_samples = CurveSamples::new(*b);
     let turns: Vec<f64> = (0..PLACES)
         .map(|k| {
             let theta = PI * k as f64 / PLACES as f64;
             let point = CloudPoint { pixel: 0, at: a.at(theta), covariance: [1.0, 0.0, 1.0], snr: 0.0 };
-            path.foot(&point).theta - theta
+            curve_samples.closest_point(&point).theta - theta
         })
         .collect();
     let (sin, cos) = turns.iter().fold((0.0, 0.0), |(s, c), t| (s + (2.0 * t).sin(), c + (2.0 * t).cos()));

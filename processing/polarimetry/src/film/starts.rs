@@ -3,7 +3,7 @@
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::{Curve, Film};
 use crate::film::evidence;
-use crate::film::foot::{Foot, Path};
+use crate::film::projection::{ClosestPoint, CurveSamples};
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
@@ -28,20 +28,20 @@ pub(crate) fn starts(points: &[CloudPoint], circle: &Curve, count: usize) -> Vec
 
 /// The films of the grid whose curves are closest to the points.
 pub(crate) fn nearest(points: &[CloudPoint], count: usize) -> Vec<Film> {
-    let near = |film: Film| (distance(&Path::new(film.curve()).feet(points)), film);
+    let near = |film: Film| (distance(&CurveSamples::new(film.curve()).project(points)), film);
     best(grid().into_par_iter().map(near).collect(), count)
 }
 
 /// Distance of points from a film's curve, absolute and relative to its length.
 fn scored(points: &[CloudPoint], film: Film) -> ((f64, Film), (f64, Film)) {
     let curve = film.curve();
-    let feet = Path::new(curve).feet(points);
-    ((distance(&feet), film), (evidence::screening(points, &feet, &curve), film))
+    let closest_points = CurveSamples::new(curve).project(points);
+    ((distance(&closest_points), film), (evidence::screening(points, &closest_points, &curve), film))
 }
 
 /// Total distance of points from a curve, each limited to a maximum.
-fn distance(feet: &[Foot]) -> f64 {
-    feet.iter().map(|f| f.distance.abs().min(1e6)).sum()
+fn distance(closest_points: &[ClosestPoint]) -> f64 {
+    closest_points.iter().map(|f| f.distance.abs().min(1e6)).sum()
 }
 
 /// The films of smallest scores, in increasing order.

@@ -5,6 +5,7 @@
 //! 4 N + 20 (frames in, five maps out), since the sums of a pixel never leave the caches. Measurements:
 //! docs/validation/speed.md.
 
+pub(crate) mod accumulator;
 pub(crate) mod bracket;
 pub(crate) mod demosaic;
 pub(crate) mod design;
@@ -12,7 +13,6 @@ mod kernel;
 pub(crate) mod merge;
 pub(crate) mod noise;
 mod stack;
-pub(crate) mod sums;
 #[cfg(test)]
 mod tests;
 pub(crate) mod views;

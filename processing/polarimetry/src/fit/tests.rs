@@ -58,7 +58,7 @@ fn the_maps_are_those_of_least_squares() {
 }
 
 #[test]
-fn what_is_not_finite_is_in_no_map() {
+fn maps_contain_only_finite_values() {
     let mut frames = frames(5);
     (frames[0][3], frames[2][TILE], frames[4][7]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY);
     let slices: Vec<&[f32]> = frames.iter().map(Vec::as_slice).collect();

@@ -26,7 +26,7 @@ pub(crate) struct View {
     /// Analyser angle in rad, as stated or as estimated from residuals.
     pub(crate) angle: f64,
     /// Stated analyser angle in rad.
-    pub(crate) said: f64,
+    pub(crate) stated: f64,
 }
 
 /// Indices of the frames taken at one analyser angle with different exposures, in the order of the first of each. A
@@ -92,7 +92,7 @@ pub(crate) fn views(frames: &LoadedFrames, brackets: &[Vec<usize>], demosaic: De
         (Kind::Polarization, _) => indexed
             .map(|(bracket, f)| {
                 let angle = f.analyser_deg.unwrap_or_default().to_radians();
-                View { bracket, pixels: vec![[0, 0]], block: 1, step: 1, angle, said: angle }
+                View { bracket, pixels: vec![[0, 0]], block: 1, step: 1, angle, stated: angle }
             })
             .collect(),
         (Kind::DivisionOfFocalPlane, Some(filters)) => indexed
@@ -100,7 +100,7 @@ pub(crate) fn views(frames: &LoadedFrames, brackets: &[Vec<usize>], demosaic: De
             .map(|(bracket, k)| {
                 let (angle, block) = (filters.angles[k].to_radians(), filters.block());
                 let step = if demosaic == Demosaic::None { block } else { 1 };
-                View { bracket, pixels: filters.pixels(k, set.channel), block, step, angle, said: angle }
+                View { bracket, pixels: filters.pixels(k, set.channel), block, step, angle, stated: angle }
             })
             .collect(),
         _ => {

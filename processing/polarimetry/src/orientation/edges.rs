@@ -117,7 +117,7 @@ mod tests {
     /// A pixel halfway up an edge and its neighbours have a σ that covers their error; pixels farther away, and masked
     /// ones, are unchanged.
     #[test]
-    fn mixed_pixels_are_told() {
+    fn mixed_pixels_have_larger_sigma() {
         let mut edge = map(9, 5, |x, _| [0.3, 0.3, 0.3, 0.3, 0.5, 0.7, 0.7, 0.7, f32::NAN][x]);
         widen_at_edges(&mut edge);
         let row = &edge.sigma[18..27];

@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_assumptions_cost_what_the_documentation_says() {
+    fn wrong_assumptions_have_the_documented_errors() {
         let scale = PeriodScale::new(&FOIL, [1.15, 3.0], 560.0, 1e-3).unwrap();
         let chromium = Complex::new(2.7, 3.3);
         for (foil, wanted) in [

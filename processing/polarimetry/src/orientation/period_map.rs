@@ -188,7 +188,7 @@ impl PeriodMethod {
     }
 
     /// Period of every pixel with an orientation, its report, and warnings. The method must be completed.
-    pub(crate) fn tell(
+    pub(crate) fn period_maps(
         &self,
         maps: &StokesMaps,
         orientation: &OrientationMaps,

@@ -19,7 +19,7 @@ const EDGE_AWARE: f64 = 0.3;
 type Effect = [[f32; 3]; 2];
 
 /// Errors of S1 and S2 due to the positions of the polarizers.
-pub(crate) struct Places {
+pub(crate) struct PolarizerPositions {
     /// Effect of the differences along x and along y, by the position of a map pixel in its block (row by row).
     effects: [[Effect; 2]; 4],
     /// Differences, of whose effects the largest counts.
@@ -34,35 +34,35 @@ struct Difference {
     only: Option<isize>,
 }
 
-impl Places {
+impl PolarizerPositions {
     /// For the views of a sensor; `None` if all views see the same points.
     pub fn of(views: &[View], design: &Design, demosaic: Demosaic) -> Option<Self> {
         let block = views.first().map(|v| v.block).filter(|b| *b > 1)?;
         let mean = |v: &View, axis: usize| v.pixels.iter().map(|p| p[axis] as f64).sum::<f64>() / v.pixels.len() as f64;
-        let places: Vec<[f64; 2]> = views.iter().map(|v| [mean(v, 0), mean(v, 1)]).collect();
+        let positions: Vec<[f64; 2]> = views.iter().map(|v| [mean(v, 0), mean(v, 1)]).collect();
         Some(if demosaic == Demosaic::None {
-            Self::super_pixels(&places, design, block)
+            Self::super_pixels(&positions, design, block)
         } else {
-            Self::interpolated(&places, design, demosaic)
+            Self::interpolated(&positions, design, demosaic)
         })
     }
 
-    /// For one pixel per block of `block` pixels, with views at `places` (x, y). Off-centre polarizers see light that
-    /// differs by the gradient, to first order. A block may straddle an edge, so the steeper side counts.
-    fn super_pixels(places: &[[f64; 2]], design: &Design, block: usize) -> Self {
-        let center = [0, 1].map(|axis| places.iter().map(|p| p[axis]).sum::<f64>() / places.len().max(1) as f64);
-        let effects = [0, 1].map(|axis| effect(design, |k| (places[k][axis] - center[axis]) / block as f64));
+    /// For one pixel per block of `block` pixels, with views at `positions` (x, y). Off-centre polarizers see light
+    /// that differs by the gradient, to first order. A block may straddle an edge, so the steeper side counts.
+    fn super_pixels(positions: &[[f64; 2]], design: &Design, block: usize) -> Self {
+        let center = [0, 1].map(|axis| positions.iter().map(|p| p[axis]).sum::<f64>() / positions.len().max(1) as f64);
+        let effects = [0, 1].map(|axis| effect(design, |k| (positions[k][axis] - center[axis]) / block as f64));
         let slope = |side: isize| Difference { taps: vec![(side, 1.0), (0, -1.0)], only: None };
         Self { effects: [effects; 4], differences: vec![slope(-1), slope(1)] }
     }
 
     /// For images behind each polarizer. The mean of two neighbours differs by half of the second derivative; for the
     /// outermost pixels both neighbours are the inner one.
-    fn interpolated(places: &[[f64; 2]], design: &Design, demosaic: Demosaic) -> Self {
+    fn interpolated(positions: &[[f64; 2]], design: &Design, demosaic: Demosaic) -> Self {
         let share = if demosaic == Demosaic::EdgeAware { EDGE_AWARE } else { 1.0 };
         let elsewhere = |k: usize, place: usize, axis: usize| {
             let own = [place % 2, place / 2][axis];
-            if places[k][axis] as usize == own { 0.0 } else { share }
+            if positions[k][axis] as usize == own { 0.0 } else { share }
         };
         let effects = [0, 1, 2, 3].map(|place| [0, 1].map(|axis| effect(design, |k| elsewhere(k, place, axis))));
         // Second differences over two pixels, since adjacent pixels are interpolated between the same measured ones.
@@ -185,12 +185,12 @@ fn effect(design: &Design, share: impl Fn(usize) -> f64) -> Effect {
 /// polarizers. `design` holds the analyser angles of a block row by row, as [`demosaiced`](crate::demosaiced) orders
 /// images.
 pub fn widen_between_polarizers(map: &mut OrientationMaps, maps: &StokesMaps, design: &Design, demosaic: Demosaic) {
-    let places: Vec<[f64; 2]> = (0..design.frames()).map(|k| [(k % 2) as f64, (k / 2 % 2) as f64]).collect();
-    let places = match demosaic {
-        Demosaic::None => Places::super_pixels(&places, design, 2),
-        _ => Places::interpolated(&places, design, demosaic),
+    let positions: Vec<[f64; 2]> = (0..design.frames()).map(|k| [(k % 2) as f64, (k / 2 % 2) as f64]).collect();
+    let positions = match demosaic {
+        Demosaic::None => PolarizerPositions::super_pixels(&positions, design, 2),
+        _ => PolarizerPositions::interpolated(&positions, design, demosaic),
     };
-    places.widen(maps, map);
+    positions.widen(maps, map);
 }
 
 #[cfg(test)]
@@ -231,7 +231,7 @@ mod tests {
     /// A gradient of the light causes false polarization, which differences of the maps predict exactly where it is
     /// small.
     #[test]
-    fn slopes_are_told() {
+    fn sigma_includes_slopes() {
         for slope in [[2e-4, 0.0], [0.0, 2e-4]] {
             let ramp = errors(Demosaic::None, |x, y| 0.5 + slope[0] * x + slope[1] * y);
             assert!(ramp.iter().all(|[error, sigma]| (sigma / error - 1.0).abs() < 0.02), "{:?}", ramp[65]);
@@ -244,7 +244,7 @@ mod tests {
 
     /// Interpolated images reproduce gradients; the error from their curvature is included in σ.
     #[test]
-    fn bends_are_told() {
+    fn sigma_includes_curvature() {
         let ramp = errors(Demosaic::Bilinear, |x, y| 0.5 + 2e-4 * x + 1e-4 * y);
         let inside = |i: usize| (1..SIDE - 1).contains(&(i % SIDE)) && (1..SIDE - 1).contains(&(i / SIDE));
         assert!((0..ramp.len()).filter(|i| inside(*i)).all(|i| ramp[i][0] < 1e-5), "{:?}", ramp[65]);

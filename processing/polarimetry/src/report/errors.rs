@@ -1,11 +1,11 @@
 //! Expected error of a typical orientation, by terms: noise and systematic errors.
 
-use crate::angles::angle_error::{Misses, angle_sigma};
+use crate::angles::angle_error::{AngleErrorEstimate, angle_sigma};
 use crate::angles::sample::{AREA, SIDE, Sample};
 use crate::film::choose::Choice;
 use crate::film::cloud::{CloudPoint, cloud};
-use crate::film::foot::Path;
 use crate::film::models::{Candidate, orientation};
+use crate::film::projection::CurveSamples;
 use crate::fit::views::View;
 use crate::{Alignment, Design, FrameNoise, MASK_SNR, StokesMaps, angle_difference};
 use nacre_base::statistics::median;
@@ -94,9 +94,9 @@ pub(crate) fn systematic(
     let answers = answers(&maps, &design, &noise[..design.frames().min(noise.len())], choice);
     // If not all views were stored, the result is scaled to all of them.
     let share = (design.frames() as f64 / views.len().max(1) as f64).sqrt();
-    let misses = of_angles(&answers, &design).map(|w| w * share);
+    let angle_errors = of_angles(&answers, &design).map(|w| w * share);
     Systematic {
-        angle_deg: angles.sigma.zip(misses).map(|(sigma, per)| (sigma * per).to_degrees()),
+        angle_deg: angles.sigma.zip(angle_errors).map(|(sigma, per)| (sigma * per).to_degrees()),
         registration_deg: of_shifts(views, alignment).and_then(|s| of_registration(&answers, &maps, &design, &s)),
         angle_sigma_deg: angles.sigma.map(f64::to_degrees),
         angle_source: angles.source,
@@ -113,8 +113,8 @@ pub(crate) struct Angles {
 
 impl Angles {
     /// For corrected angles.
-    pub(crate) fn corrected(misses: &Misses) -> Self {
-        Self { sigma: Some(misses.left), source: Some(AngleSource::Corrected) }
+    pub(crate) fn corrected(angle_errors: &AngleErrorEstimate) -> Self {
+        Self { sigma: Some(angle_errors.sigma), source: Some(AngleSource::Corrected) }
     }
 
     /// As stated in `frames.json`, or from the sample's residuals.
@@ -155,10 +155,10 @@ pub(crate) fn answers(
     choice: Option<&Choice>,
 ) -> Vec<Answer> {
     let model = choice.map(|c| &c.candidates[c.chosen]);
-    let path = model.map(|m| Path::new(m.curve));
+    let curve_samples = model.map(|m| CurveSamples::new(m.curve));
     let columns: Vec<_> = design.rows.iter().map(|x| design.inverse * x).collect();
     let answer = |point: &CloudPoint| {
-        let slope = slope(model.zip(path.as_ref()), point)?;
+        let slope = slope(model.zip(curve_samples.as_ref()), point)?;
         let fitted = [maps.s0[point.pixel], maps.s1[point.pixel], maps.s2[point.pixel]].map(|v| 0.5 * f64::from(v));
         let [x, y] = point.at;
         let per_view = columns.iter().map(|m| {
@@ -172,7 +172,7 @@ pub(crate) fn answers(
 }
 
 /// Derivative of the orientation with respect to (S1/S0, S2/S0).
-fn slope(model: Option<(&Candidate, &Path)>, point: &CloudPoint) -> Option<[f64; 2]> {
+fn slope(model: Option<(&Candidate, &CurveSamples)>, point: &CloudPoint) -> Option<[f64; 2]> {
     let about = |[x, y]: [f64; 2]| {
         let square = x * x + y * y;
         (square > 0.0).then(|| [-0.5 * y / square, 0.5 * x / square])
@@ -180,13 +180,13 @@ fn slope(model: Option<(&Candidate, &Path)>, point: &CloudPoint) -> Option<[f64;
     match model {
         None => about(point.at),
         Some((Candidate { center: Some(c), .. }, _)) => about([point.at[0] - c[0], point.at[1] - c[1]]),
-        Some((model, path)) => {
+        Some((model, curve_samples)) => {
             let step = 1e-3 * model.size();
             let along = |k: usize| {
                 let theta = |step: f64| {
                     let mut moved = *point;
                     moved.at[k] += step;
-                    orientation(model, path, &moved).0
+                    orientation(model, curve_samples, &moved).0
                 };
                 angle_difference(theta(step), theta(-step)) / (2.0 * step)
             };

@@ -1,12 +1,12 @@
 //! Tests of systematic errors, against series with known errors.
 
-use crate::angles::angle_error::{angle_sigma, misses as found};
+use crate::angles::angle_error::{angle_errors as found, angle_sigma};
 use crate::angles::sample::{AREA, Sample};
 use crate::reconstruct;
 use crate::report::errors::{Shifts, answers, of_angles, of_registration};
 use crate::synthetic::normal;
 use crate::tests::repeats::Series;
-use crate::{AngleSource, Design, Fit, FrameNoise, Model, Options, PutRight, angle_difference, probe};
+use crate::{AngleSource, AppliedCorrections, Design, Fit, FrameNoise, Model, Options, angle_difference, probe};
 use nacre_base::progress::Silent;
 use nacre_frames::load;
 use nacre_image::read_exr;
@@ -21,7 +21,7 @@ fn series(missed: Vec<f64>) -> Series {
 }
 
 /// Random angle errors of 0.5°, in degrees, and their scatter about their mean.
-fn misses(views: u64, seed: u64) -> (Vec<f64>, f64) {
+fn angle_errors(views: u64, seed: u64) -> (Vec<f64>, f64) {
     let missed: Vec<f64> = (0..views).map(|k| 0.5 * normal(seed, k)).collect();
     let mean = missed.iter().sum::<f64>() / views as f64;
     let square: f64 = missed.iter().map(|m| (m - mean).powi(2)).sum();
@@ -41,9 +41,9 @@ fn wrong_angles_are_found_and_carried_through() {
     let noise = [FrameNoise { shot: 0.0, floor: 1e-10 }; 12];
     // All orientations, several times.
     let aolp = |x: usize, y: usize| 0.11 * x as f64 + 0.07 * y as f64;
-    let (mut actual, mut said) = (0.0, 0.0);
+    let (mut actual, mut predicted) = (0.0, 0.0);
     for seed in 0..SEEDS {
-        let (missed, scatter) = misses(12, seed + 77);
+        let (missed, scatter) = angle_errors(12, seed + 77);
         let mut sample = Sample::new(SIDE, SIDE);
         for (psi, missed) in angles.iter().zip(&missed) {
             let phase = |x, y| 2.0 * (psi + missed.to_radians() - aolp(x, y));
@@ -56,7 +56,7 @@ fn wrong_angles_are_found_and_carried_through() {
         // Without noise all errors but the common rotation are determined; neglected terms are of second order, 1 %.
         let sigma = angle_sigma(&sample.all(), &design, &maps).unwrap();
         assert!((sigma.to_degrees() / scatter - 1.0).abs() < 0.02, "{} {scatter}", sigma.to_degrees());
-        said += (sigma * of_angles(&answers(&maps, &design, &noise, None), &design).unwrap()).to_degrees().powi(2);
+        predicted += (sigma * of_angles(&answers(&maps, &design, &noise, None), &design).unwrap()).to_degrees().powi(2);
         let off = |i: usize| {
             let at = sample.pixel(i);
             let found = 0.5 * f64::from(maps.s2[i]).atan2(f64::from(maps.s1[i]));
@@ -66,8 +66,8 @@ fn wrong_angles_are_found_and_carried_through() {
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
         actual += errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / errors.len() as f64;
     }
-    let ratio = (said / actual).sqrt();
-    assert!((1.0 / FACTOR..FACTOR).contains(&ratio), "said {said} actual {actual}");
+    let ratio = (predicted / actual).sqrt();
+    assert!((1.0 / FACTOR..FACTOR).contains(&ratio), "said {predicted} actual {actual}");
 }
 
 /// The same from files, with more photographs than are registered: every angle error is determined except for a common
@@ -75,7 +75,7 @@ fn wrong_angles_are_found_and_carried_through() {
 /// standard deviation. A stated accuracy of 0 is accepted without a correction.
 #[test]
 fn wrong_angles_are_found_in_photographs_and_put_right() {
-    let (missed, _) = misses(30, 3);
+    let (missed, _) = angle_errors(30, 3);
     let mean = missed.iter().sum::<f64>() / 30.0;
     let angles: Vec<f64> = (0..30).map(|k| 6.0 * f64::from(k)).collect();
     let series =
@@ -100,13 +100,13 @@ fn wrong_angles_are_found_in_photographs_and_put_right() {
 #[test]
 fn a_probe_shows_photographs_as_they_were_put_right() {
     let folder = tempfile::tempdir().unwrap();
-    let series = Series { shift: |k| (k % 3) as f64, louder: 1.0, ..series(misses(12, 3).0) };
+    let series = Series { shift: |k| (k % 3) as f64, louder: 1.0, ..series(angle_errors(12, 3).0) };
     series.reconstructed(folder.path(), None);
     let results = folder.path().join("moved");
     let options = Options { model: Some(Model::Sinusoid), ..Options::default() };
     let report = reconstruct(folder.path(), &results, &options, &Silent).unwrap();
     assert!(report.registration.unwrap().corrected && report.analyser_errors_deg.is_some());
-    let (mut set, right) = (load(folder.path()).unwrap(), PutRight::read(&results).unwrap());
+    let (mut set, right) = (load(folder.path()).unwrap(), AppliedCorrections::read(&results).unwrap());
     let maps = read_exr(&results.join("stokes.exr")).unwrap();
     for (x, y) in [(41, 3), (97, 60), (21, 119)] {
         let probe = probe(&set, [x, y], &right).unwrap();
@@ -137,7 +137,7 @@ fn views(angles: &[f64], missed: &[f64], light: impl Fn(usize) -> f64, spread: f
 fn angles_are_found_beside_light_that_drifts() {
     let of = |n: usize, factor: f64, drift: f64, spread: f64| {
         let angles: Vec<f64> = (0..n).map(|k| PI * k as f64 / n as f64).collect();
-        let missed: Vec<f64> = misses(n as u64, 5).0.iter().map(|m| factor * m).collect();
+        let missed: Vec<f64> = angle_errors(n as u64, 5).0.iter().map(|m| factor * m).collect();
         let views = views(&angles, &missed, |k| 1.0 + drift * (1.3 * k as f64).sin(), spread);
         let views: Vec<&[f32]> = views.iter().map(Vec::as_slice).collect();
         let fit = |angles: &[f64], design: &Design| {
@@ -150,7 +150,7 @@ fn angles_are_found_beside_light_that_drifts() {
         let mean = missed.iter().sum::<f64>() / n as f64;
         let found = found(&views, &angles, None, fit)?;
         let off = found.errors.iter().zip(&missed).map(|(e, m)| (e.to_degrees() - (m - mean)).powi(2));
-        Some(((off.sum::<f64>() / n as f64).sqrt(), found.left.to_degrees()))
+        Some(((off.sum::<f64>() / n as f64).sqrt(), found.sigma.to_degrees()))
     };
     for (n, factor, drift) in [(12, 1.0, 0.0), (12, 10.0, 0.0), (12, 1.0, 0.02), (12, 10.0, 0.02), (6, 1.0, 0.02)] {
         let (off, left) = of(n, factor, drift, 1.0).unwrap();
@@ -166,8 +166,8 @@ fn angles_are_found_beside_light_that_drifts() {
 /// For equidistant angles and orientations over the full range, σ/√(2N); noise alone is not mistaken for angle errors.
 #[test]
 fn the_cost_of_angles_is_the_closed_form() {
-    let told = Series { angle_sigma_deg: Some(0.5), ..series(vec![]) };
-    let error = told.reconstructed(tempfile::tempdir().unwrap().path(), None).error;
+    let stated = Series { angle_sigma_deg: Some(0.5), ..series(vec![]) };
+    let error = stated.reconstructed(tempfile::tempdir().unwrap().path(), None).error;
     assert_eq!((error.angle_sigma_deg, error.angle_source), (Some(0.5), Some(AngleSource::Given)));
     let ratio = error.angle_deg.unwrap() / (0.5 / 24f64.sqrt());
     assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
@@ -226,15 +226,15 @@ fn misregistration_is_carried_through() {
         squares.resize(errors.len(), 0.0);
         squares.iter_mut().zip(&errors).for_each(|(s, e)| *s += e * e / DRAWS as f64);
         let answers = answers(&maps, &design, &noise, None);
-        let said = of_registration(&answers, &maps, &design, &Shifts { known: shifts, sigma: 0.0 }).unwrap();
+        let predicted = of_registration(&answers, &maps, &design, &Shifts { known: shifts, sigma: 0.0 }).unwrap();
         let actual = nacre_base::statistics::median(&mut errors.iter().map(|e| e.abs()).collect::<Vec<_>>()).unwrap();
-        assert!((1.0 / FACTOR..FACTOR).contains(&(said / actual)), "{said} {actual}");
+        assert!((1.0 / FACTOR..FACTOR).contains(&(predicted / actual)), "{predicted} {actual}");
     }
     let still = shifted(&[[0.0; 2]; 6], &angles);
     let blocks: Vec<usize> = (0..still.view(0).len() / AREA).collect();
     let maps = still.solve(&blocks, &kept, &design);
     let answers = answers(&maps, &design, &noise, None);
-    let said = of_registration(&answers, &maps, &design, &Shifts { known: vec![], sigma: 0.2 }).unwrap();
+    let predicted = of_registration(&answers, &maps, &design, &Shifts { known: vec![], sigma: 0.2 }).unwrap();
     let actual = nacre_base::statistics::median(&mut squares.iter().map(|s| s.sqrt()).collect::<Vec<_>>()).unwrap();
-    assert!((1.0 / FACTOR..FACTOR).contains(&(said / actual)), "{said} {actual}");
+    assert!((1.0 / FACTOR..FACTOR).contains(&(predicted / actual)), "{predicted} {actual}");
 }

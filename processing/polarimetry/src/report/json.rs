@@ -166,7 +166,7 @@ pub struct Seconds {
 impl Report {
     pub(crate) fn new(
         frames: &LoadedFrames,
-        (options, asked): (&Options, Model),
+        (options, requested): (&Options, Model),
         design: &Design,
         (noise, source): (&[FrameNoise], NoiseSource),
         pixels: Pixels,
@@ -175,9 +175,9 @@ impl Report {
         let (circle, choice) = (solved.circle, solved.choice.as_ref());
         let mean = |of: fn(&FrameNoise) -> f64| noise.iter().map(of).sum::<f64>() / noise.len().max(1) as f64;
         let set = &frames.set;
-        let smooth = if asked == Model::Plain { Smoothing::NONE } else { options.smooth };
+        let smooth = if requested == Model::Plain { Smoothing::NONE } else { options.smooth };
         let chosen = choice.map(|c| &c.candidates[c.chosen]);
-        let plain = asked == Model::Plain;
+        let plain = requested == Model::Plain;
         let model = chosen.map_or(if plain { Model::Plain } else { Model::Sinusoid }, |c| c.model);
         // The test of the sinusoid is irrelevant if another model is used.
         let checked = circle.iter().filter(|_| model == Model::Sinusoid && solved.classes.is_none());

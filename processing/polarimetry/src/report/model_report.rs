@@ -1,6 +1,6 @@
 //! Report of the model selection: all candidates, and warnings.
 
-use crate::film::choose::{Choice, UNDECIDED, UNDECIDED_SIGMA, UNEXPLAINED};
+use crate::film::choose::{Choice, PLAUSIBLE_DELTA, PLAUSIBLE_SIGMAS, UNEXPLAINED};
 use crate::film::curve::Film;
 use crate::film::search::at_limit;
 use schemars::JsonSchema;
@@ -89,8 +89,8 @@ impl Choice {
             );
         }
         let undecided = |k: &usize| {
-            let behind = self.behind[*k] - self.behind[self.right];
-            behind < UNDECIDED.max(UNDECIDED_SIGMA * self.chance[*k])
+            let behind = self.behind[*k] - self.behind[self.assumed];
+            behind < PLAUSIBLE_DELTA.max(PLAUSIBLE_SIGMAS * self.difference_sigma[*k])
         };
         let rivals = (0..self.behind.len()).filter(|k| undecided(&self.chosen) && undecided(k));
         let difference = rivals.map(|k| self.differences[k]).fold(0.0, f64::max).to_degrees();
@@ -101,8 +101,8 @@ impl Choice {
         }
         let chosen = &self.candidates[self.chosen];
         // One of the two is the model assumed to be true.
-        let chance = self.chance[self.best()].max(self.chance[self.chosen]);
-        if self.behind[self.chosen] > UNDECIDED.max(UNDECIDED_SIGMA * chance) && self.error.is_some() {
+        let difference_sigma = self.difference_sigma[self.best()].max(self.difference_sigma[self.chosen]);
+        if self.behind[self.chosen] > PLAUSIBLE_DELTA.max(PLAUSIBLE_SIGMAS * difference_sigma) && self.error.is_some() {
             warnings.push(format!(
                 "{} is not the likeliest model: another one gives orientations that differ by up to {:.1}° for 68 % of the pixels",
                 chosen.name(),

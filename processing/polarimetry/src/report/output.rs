@@ -71,10 +71,10 @@ impl Writer<'_> {
     pub fn periods(&self, found: &PeriodMaps, method: &PeriodMethod) -> Result<()> {
         let (width, height) = (found.width, found.height);
         let mut attributes = self.attributes(width, "period, sigma: um; mask: 1 found, 0 masked");
-        let said = serde_json::to_string(method).unwrap_or_default();
+        let description = serde_json::to_string(method).unwrap_or_default();
         let note = match method {
-            PeriodMethod::Brightness { .. } => format!("heuristic, only the order has a meaning: {said}"),
-            PeriodMethod::Contrast { .. } => format!("under assumptions: {said}"),
+            PeriodMethod::Brightness { .. } => format!("heuristic, only the order has a meaning: {description}"),
+            PeriodMethod::Contrast { .. } => format!("under assumptions: {description}"),
         };
         attributes.push(("method", Attribute::Text(note)));
         self.exr("period.exr", [width, height], &["period", "sigma", "mask"], &attributes, &|c, y, row| match c {

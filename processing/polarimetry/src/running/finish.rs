@@ -8,18 +8,18 @@ use crate::angles::aligned::{AngleErrors, correlated};
 use crate::angles::repeats::{compare_halves, pairs};
 use crate::angles::sample::Sample;
 use crate::angles::{duplicates, layout};
-use crate::film::stand::Stand;
+use crate::film::camera_position::CameraPosition;
 use crate::fit::demosaic::Demosaic;
 use crate::fit::views::View;
-use crate::orientation::polarizers::Places;
+use crate::orientation::polarizers::PolarizerPositions;
 use crate::report::disk::Disk;
 use crate::report::errors::{Angles, systematic};
 use crate::report::json::Pixels;
 use crate::report::output::Writer;
-use crate::solve::{Seen, Solved, solve_with};
+use crate::solve::{Solved, ViewDisplacement, solve_with};
 use crate::{
-    Align, Alignment, Asked, Design, FrameNoise, Model, NoiseSource, ObliqueReport, Options, RepeatsReport, Report,
-    StokesMaps, smooth,
+    Align, Alignment, Design, FrameNoise, Model, NoiseSource, ObliqueReport, Options, RepeatsReport, Report,
+    SolveOptions, StokesMaps, smooth,
 };
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
@@ -43,20 +43,20 @@ impl Running {
         progress.stage("solving and writing maps", 5);
         let mut solved = fitted.solve_orientations(&mut maps, &writer, &disk)?;
         // Periods use the measured pixels, whose σ is also that of the polarization.
-        let periods = period.map(|p| p.tell(&maps, &solved.map)).transpose()?;
+        let periods = period.map(|p| p.period_maps(&maps, &solved.map)).transpose()?;
         progress.check()?;
         if options.smooth_maps {
             solved.map = smooth(&solved.map, options.smooth, fitted.shared_noise(), progress)?;
         }
         let mut report = fitted.report((options, model), &maps, &solved);
         let solve_s = start.elapsed().as_secs_f64();
-        if let Some((found, said, warnings)) = periods {
-            writer.periods(&found, &said.method)?;
+        if let Some((found, period_report, warnings)) = periods {
+            writer.periods(&found, &period_report.method)?;
             report.warnings.extend(warnings);
-            report.period = Some(said);
+            report.period = Some(period_report);
         }
         // The report lists these terms separately.
-        solved.tell_systematic(&maps, model, &fitted.seen());
+        solved.add_systematic(&maps, model, &fitted.view_displacement());
         writer.maps(maps, &solved.map, (&fitted.design, &fitted.noise.0), &disk)?;
         report.took(fitted.read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
         Ok(report)
@@ -78,10 +78,10 @@ impl Running {
     /// Solves the Stokes parameters of all pixels, and the noise of every view.
     fn solve_intensities(self, corrections: Corrections) -> Result<(Fitted, StokesMaps)> {
         let design = self.design()?;
-        let Self { frames, linearizer, brackets, views, demosaic, sums, sample, read_and_fit_s, .. } = self;
+        let Self { frames, linearizer, brackets, views, demosaic, accumulator, sample, read_and_fit_s, .. } = self;
         let Corrections { alignment, angle_errors } = corrections;
         linearizer.rest();
-        let mut maps = sums.solve(&design);
+        let mut maps = accumulator.solve(&design);
         check_light(&frames, &maps, &linearizer)?;
         let taken = Photographed {
             frames: &frames,
@@ -144,11 +144,12 @@ struct Fitted {
 impl Fitted {
     /// Solves the orientations of all pixels. Maps that do not depend on the model are written in parallel.
     fn solve_orientations(&self, maps: &mut StokesMaps, writer: &Writer, disk: &Disk) -> Result<Solved> {
-        let asked = self.request(writer.options, writer.model);
+        let solve_options = self.solve_options(writer.options, writer.model);
         let residual = std::mem::take(&mut maps.residual);
         let has_flat = self.frames.set.flat.is_some();
         let early = || if has_flat { Ok(()) } else { writer.light(maps) };
-        let (written, solved) = disk.beside(early, || solve_with(maps, residual, &self.design, &self.noise.0, &asked));
+        let (written, solved) =
+            disk.beside(early, || solve_with(maps, residual, &self.design, &self.noise.0, &solve_options));
         written?;
         if has_flat {
             divide_by_flat(&self.frames, &self.linearizer, maps)?;
@@ -158,16 +159,17 @@ impl Fitted {
     }
 
     /// Options of the solution, with the camera position and the accuracy of the angles.
-    fn request(&self, options: &Options, model: Model) -> Asked {
+    fn solve_options(&self, options: &Options, model: Model) -> SolveOptions {
         let Self { frames, views, angles, .. } = self;
         let size = [frames.info.width, frames.info.height];
-        let stand = frames.set.geometry.and_then(|g| Stand::new(&g, size, views.first().map_or(1, |v| v.step)));
-        Asked {
+        let camera =
+            frames.set.geometry.and_then(|g| CameraPosition::new(&g, size, views.first().map_or(1, |v| v.step)));
+        SolveOptions {
             offset: options.offset_deg.to_radians(),
-            stand: stand.map(|stand| (stand, frames.set.material.unwrap_or_default())),
+            camera: camera.map(|camera| (camera, frames.set.material.unwrap_or_default())),
             oblique: options.oblique,
             angle_sigma: angles.sigma.unwrap_or(0.0),
-            ..Asked::of(model)
+            ..SolveOptions::of(model)
         }
     }
 
@@ -179,9 +181,9 @@ impl Fitted {
     }
 
     /// Relative positions of the views of a pixel.
-    fn seen(&self) -> Seen {
-        let places = Places::of(&self.views, &self.design, self.demosaic);
-        Seen { apart_px: self.alignment.as_ref().map_or(0.0, Alignment::left_px), places }
+    fn view_displacement(&self) -> ViewDisplacement {
+        let polarizers = PolarizerPositions::of(&self.views, &self.design, self.demosaic);
+        ViewDisplacement { apart_px: self.alignment.as_ref().map_or(0.0, Alignment::left_px), polarizers }
     }
 
     /// The report, except for times and periods.

@@ -5,10 +5,10 @@ mod light;
 mod moved;
 
 use crate::angles::sample::{Sample, sampled};
+use crate::fit::accumulator::Accumulator;
 use crate::fit::bracket::{noise_of_bracket, read};
 use crate::fit::demosaic::Demosaic;
 use crate::fit::merge::Merge;
-use crate::fit::sums::Sums;
 use crate::fit::views::{Photograph, View, brackets, views};
 use crate::{Design, FrameNoise, NoiseSource, StokesMaps, check_memory};
 use light::{Photographed, noise_of};
@@ -30,7 +30,7 @@ pub struct Running {
     pub(crate) brackets: Vec<Vec<usize>>,
     pub(crate) views: Vec<View>,
     demosaic: Demosaic,
-    pub(crate) sums: Sums,
+    pub(crate) accumulator: Accumulator,
     /// A few pixels of every view.
     pub(crate) sample: Sample,
     /// Tracks the shifts of the photographs; not needed for a sensor that takes all angles at once.
@@ -68,7 +68,7 @@ impl Running {
         let linearizer = Linearizer::new(&frames)?;
         let (block, step) = views.first().map_or((1, 1), |v| (v.block, v.step));
         let size = [frames.info.width / step, frames.info.height / step];
-        let sums = Sums::new(brackets.iter().any(|b| b.len() > 1), size[0], size[1]);
+        let accumulator = Accumulator::new(brackets.iter().any(|b| b.len() > 1), size[0], size[1]);
         let registered = block == 1 && views.len() <= REGISTERED;
         let registrar = registered.then(|| Registrar::new(size[0], size[1]));
         let sample = Sample::new(size[0], size[1]);
@@ -78,7 +78,7 @@ impl Running {
             brackets,
             views,
             demosaic,
-            sums,
+            accumulator,
             sample,
             registrar,
             added: 0,
@@ -122,10 +122,10 @@ impl Running {
     /// `Input` if it cannot be read or none is left.
     pub fn add(&mut self) -> Result<()> {
         let begun = Instant::now();
-        let Self { frames, linearizer, brackets, views, demosaic, sums, sample, registrar, added, .. } = self;
+        let Self { frames, linearizer, brackets, views, demosaic, accumulator, sample, registrar, added, .. } = self;
         let bracket = brackets.get(*added).map_or(&[][..], |b| b);
         let taken = Taken::new(frames, linearizer, bracket, *demosaic)?;
-        fold((sums, sample, registrar), views, *added, &[taken]);
+        fold((accumulator, sample, registrar), views, *added, &[taken]);
         self.added += 1;
         self.read_and_fit_s += begun.elapsed().as_secs_f64();
         Ok(())
@@ -136,14 +136,14 @@ impl Running {
     pub(crate) fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
         let (begun, all) = (Instant::now(), self.brackets.len());
         progress.stage("reading and fitting", all as u64);
-        let Self { frames, linearizer, brackets, views, demosaic, sums, sample, registrar, added, .. } = self;
+        let Self { frames, linearizer, brackets, views, demosaic, accumulator, sample, registrar, added, .. } = self;
         while *added < all {
             progress.check()?;
             let first = *added;
             let take = |i: usize| Taken::new(frames, linearizer, &brackets[i], *demosaic);
             let (a, b) = rayon::join(|| take(first), || (first + 1 < all).then(|| take(first + 1)));
             let taken = [Some(a), b].into_iter().flatten().collect::<Result<Vec<_>>>()?;
-            fold((&mut *sums, &mut *sample, &mut *registrar), views, first, &taken);
+            fold((&mut *accumulator, &mut *sample, &mut *registrar), views, first, &taken);
             *added += taken.len();
             taken.iter().for_each(|_| progress.step());
         }
@@ -153,7 +153,7 @@ impl Running {
 
     /// Noise of the maps so far.
     pub(crate) fn noise(&self, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
-        let views = &self.views[..self.sums.views()];
+        let views = &self.views[..self.accumulator.views()];
         let Self { frames, linearizer, brackets, sample, demosaic, .. } = self;
         let taken = Photographed { frames, linearizer, brackets, views, sample, demosaic: *demosaic, shifts: None };
         noise_of(&taken, maps, design)
@@ -175,7 +175,7 @@ impl<'a> Taken<'a> {
 
 /// Adds brackets from index `first` on, each of which is one view, or four views of a polarization sensor.
 fn fold(
-    (sums, sample, registrar): (&mut Sums, &mut Sample, &mut Option<Registrar>),
+    (accumulator, sample, registrar): (&mut Accumulator, &mut Sample, &mut Option<Registrar>),
     views: &[View],
     first: usize,
     taken: &[Taken],
@@ -187,7 +187,7 @@ fn fold(
         let (view, taken) = seen[v];
         taken.photographs[k].row(view, row, light, bad);
     };
-    sums.add_several(&angles, row);
+    accumulator.add_several(&angles, row);
     for (v, (_, taken)) in seen.iter().enumerate() {
         sampled(sample, taken.photographs.len(), &taken.merge, |k, y, light, bad| row(v, k, y, light, bad));
     }

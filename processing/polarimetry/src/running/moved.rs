@@ -3,10 +3,10 @@
 use super::Running;
 use crate::angles::aligned::{AngleErrors, alignment};
 use crate::angles::sample::{Sample, sampled};
+use crate::fit::accumulator::Accumulator;
 use crate::fit::bracket::{noise_of_bracket, read};
 use crate::fit::demosaic::Demosaic;
 use crate::fit::merge::Merge;
-use crate::fit::sums::Sums;
 use crate::{Align, Alignment};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
@@ -21,7 +21,7 @@ impl Running {
             found.corrected = false;
         }
         if let Some(found) = alignment.as_ref().filter(|a| a.corrected) {
-            (self.sums, self.sample) = fit_moved_back(self, &found.shifts_px, progress)?;
+            (self.accumulator, self.sample) = fit_moved_back(self, &found.shifts_px, progress)?;
         }
         Ok(alignment)
     }
@@ -30,19 +30,19 @@ impl Running {
     fn fit_anew(&mut self, progress: &dyn Progress) -> Result<()> {
         let [width, height] = [self.frames.info.width, self.frames.info.height];
         // The old sums, most of the memory, are freed before new ones are allocated.
-        self.sums = self.sums.emptied(1, 1);
-        self.sums = self.sums.emptied(width, height);
+        self.accumulator = self.accumulator.emptied(1, 1);
+        self.accumulator = self.accumulator.emptied(width, height);
         (self.sample, self.added) = (self.sample.emptied(), 0);
         self.add_all(progress)
     }
 }
 
 /// Reads all photographs again and adds them to new sums, with each view's shift corrected.
-fn fit_moved_back(running: &Running, shifts: &[[f64; 2]], progress: &dyn Progress) -> Result<(Sums, Sample)> {
+fn fit_moved_back(running: &Running, shifts: &[[f64; 2]], progress: &dyn Progress) -> Result<(Accumulator, Sample)> {
     let Running { frames, linearizer, brackets, views, .. } = running;
     let (width, height) = (frames.info.width, frames.info.height);
     progress.stage("moving photographs back", views.len() as u64);
-    let mut sums = running.sums.emptied(width, height);
+    let mut accumulator = running.accumulator.emptied(width, height);
     let mut sample = running.sample.emptied();
     for (view, shift) in views.iter().zip(shifts) {
         progress.check()?;
@@ -53,11 +53,11 @@ fn fit_moved_back(running: &Running, shifts: &[[f64; 2]], progress: &dyn Progres
         let row = |k: usize, y: usize, values: &mut [f32], bad: &mut [u8]| {
             back.row(y, |y, v, b| photographs[k].row(view, y, v, b), values, bad);
         };
-        sums.add(view.angle, &merge, row);
+        accumulator.add(view.angle, &merge, row);
         sampled(&mut sample, photographs.len(), &merge, row);
         progress.step();
     }
-    Ok((sums, sample))
+    Ok((accumulator, sample))
 }
 
 /// Largest angle error in rad that is corrected if a session's stage rotated the analyser: larger ones are not stage
@@ -80,7 +80,7 @@ pub(super) fn correct_analyser_angles(
         return Ok(None);
     }
     let stated = running.frames.set.angle_sigma_deg.map(f64::to_radians);
-    let Some(errors) = running.sample.misses(&running.views, stated) else { return Ok(None) };
+    let Some(errors) = running.sample.angle_errors(&running.views, stated) else { return Ok(None) };
     let tolerance = stated.map_or(STAGE_TOLERANCE, |sigma| STATED_TOLERANCE * sigma);
     let within = errors.errors.iter().all(|e| e.abs() <= tolerance);
     if !errors.is_worth_correcting() || !within || (stated.is_none() && !running.frames.from_session) {
@@ -88,7 +88,7 @@ pub(super) fn correct_analyser_angles(
     }
     running.views.iter_mut().zip(&errors.errors).for_each(|(view, error)| view.angle += error);
     match alignment.filter(|a| a.corrected) {
-        Some(moved) => (running.sums, running.sample) = fit_moved_back(running, &moved.shifts_px, progress)?,
+        Some(moved) => (running.accumulator, running.sample) = fit_moved_back(running, &moved.shifts_px, progress)?,
         None => running.fit_anew(progress)?,
     }
     Ok(Some(AngleErrors::Corrected(errors)))

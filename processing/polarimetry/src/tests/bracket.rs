@@ -2,7 +2,7 @@
 
 use crate::reconstruct;
 use crate::synthetic::{even_angles, normal};
-use crate::{NoiseModel, Options, PutRight, angle_difference, probe};
+use crate::{AppliedCorrections, NoiseModel, Options, angle_difference, probe};
 use nacre_base::progress::Silent;
 use nacre_frames::{Frame, FrameSet, Kind, load, save};
 use nacre_image::{encode_png16_gray, read_exr};
@@ -142,7 +142,7 @@ fn brackets_are_as_good_as_the_closed_form() {
 
 /// Exactly the pixels that are saturated in every exposure are masked; the order of the photographs is irrelevant.
 #[test]
-fn only_what_no_exposure_can_hold_is_masked() {
+fn only_pixels_saturated_in_all_exposures_are_masked() {
     let folder = tempfile::tempdir().unwrap();
     // The brightest level (20) saturates even the shortest exposure.
     photograph(folder.path(), 6, &[0.05, 0.16, 0.64], Some(CAMERA));
@@ -162,13 +162,13 @@ fn only_what_no_exposure_can_hold_is_masked() {
 
 /// A probed pixel has the fit of the maps, and shows its unsaturated exposures.
 #[test]
-fn a_probe_shows_what_the_maps_hold() {
+fn a_probe_has_the_values_of_the_maps() {
     let folder = tempfile::tempdir().unwrap();
     photograph(folder.path(), 6, &EXPOSURES, Some(CAMERA));
     let (found, set) = (maps(folder.path()), load(folder.path()).unwrap());
     for (level, held) in [(0, 6), (2, 12), (5, 18)] {
         let (x, y) = (7, level * ROWS + 3);
-        let probe = probe(&set, [x, y], &PutRight::read(&folder.path().join("out")).unwrap()).unwrap();
+        let probe = probe(&set, [x, y], &AppliedCorrections::read(&folder.path().join("out")).unwrap()).unwrap();
         assert_eq!((probe.points.len(), probe.saturated), (held, false));
         assert!((probe.s0 / f64::from(found.s0[y * WIDTH + x]) - 1.0).abs() < 1e-4, "level {level}");
     }

@@ -118,16 +118,16 @@ fn plain_results_hold_light_alone() {
     let wanted = 20_f64.to_radians();
     let square = |v: &f32| (f64::from(*v) - wanted).powi(2);
     let scatter = (aolp.iter().map(square).sum::<f64>() / aolp.len() as f64).sqrt();
-    let said = f64::from(sigma.iter().sum::<f32>()) / sigma.len() as f64;
+    let predicted = f64::from(sigma.iter().sum::<f32>()) / sigma.len() as f64;
     // 9216 pixels determine scatter and noise to 0.7 % each.
-    assert!((said / scatter - 1.0).abs() < 0.03, "{said} {scatter}");
+    assert!((predicted / scatter - 1.0).abs() < 0.03, "{predicted} {scatter}");
     assert!(map.channels["mask"].iter().all(|m| *m == 1.0));
     let (degrees, sigmas) = (&map.channels["dolp"], &map.channels["sigma_dolp"]);
     let wanted = |i: usize| 0.6 + 0.05 * (i % map.width) as f32 / map.width as f32;
     let squares = degrees.iter().enumerate().map(|(i, v)| (v - wanted(i)).powi(2));
     let scatter = (squares.sum::<f32>() / degrees.len() as f32).sqrt();
-    let said = sigmas.iter().sum::<f32>() / sigmas.len() as f32;
-    assert!((said / scatter - 1.0).abs() < 0.03, "{said} {scatter}");
+    let predicted = sigmas.iter().sum::<f32>() / sigmas.len() as f32;
+    assert!((predicted / scatter - 1.0).abs() < 0.03, "{predicted} {scatter}");
     let noise = report.error.noise_deg.unwrap();
     assert!(report.error_estimate_deg.unwrap() >= noise && report.error.model_deg == Some(0.0));
 }

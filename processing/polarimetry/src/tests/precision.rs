@@ -33,8 +33,8 @@ fn a_series_that_grows_gives_the_same_maps_as_the_whole() {
         let report = reconstruct(folder.path(), &whole, &options, &Silent).unwrap();
         let running = running(folder.path(), 6, exposures.len());
         let precision = running.precision().unwrap();
-        let (said, is) = (precision.sigma().unwrap().to_degrees(), report.pixels.sigma_p90_deg.unwrap());
-        assert!((said / is - 1.0).abs() < 1e-6 && precision.is_certain(), "{said} {is}");
+        let (predicted, is) = (precision.sigma().unwrap().to_degrees(), report.pixels.sigma_p90_deg.unwrap());
+        assert!((predicted / is - 1.0).abs() < 1e-6 && precision.is_certain(), "{predicted} {is}");
         let grown_folder = OutputFolder::begin(&grown, false).unwrap();
         running.finish(&grown_folder, &options, &Silent).unwrap();
         grown_folder.commit().unwrap();
@@ -95,7 +95,7 @@ fn the_next_angle_is_where_the_sinusoid_is_steepest() {
 }
 
 #[test]
-fn angles_must_tell_an_orientation_first() {
+fn precision_requires_enough_angles() {
     let folder = tempfile::tempdir().unwrap();
     photograph(folder.path(), 6, &[0.02], None);
     assert!(running(folder.path(), 2, 1).precision().is_err());

@@ -55,13 +55,13 @@ impl Series {
         (0.05 + 0.5 * y / SIZE as f64 + 0.1 * (0.7 * tile).sin().abs(), 0.3 + 0.41 * tile)
     }
 
-    fn report(&self, told: Option<NoiseModel>) -> Report {
-        self.reconstructed(tempfile::tempdir().unwrap().path(), told)
+    fn report(&self, stated: Option<NoiseModel>) -> Report {
+        self.reconstructed(tempfile::tempdir().unwrap().path(), stated)
     }
 
     /// Writes photographs, and results in `out`, into a folder.
-    pub(crate) fn reconstructed(&self, folder: &Path, told: Option<NoiseModel>) -> Report {
-        self.photograph(folder, told);
+    pub(crate) fn reconstructed(&self, folder: &Path, stated: Option<NoiseModel>) -> Report {
+        self.photograph(folder, stated);
         // Registration smooths the noise, so it is off.
         let (model, align, smooth) = (Some(crate::Model::Sinusoid), Some(Align::Off), Smoothing::NONE);
         let options = Options { model, align, smooth, ..Options::default() };
@@ -69,7 +69,7 @@ impl Series {
     }
 
     /// Writes the photographs and `frames.json` into `folder`.
-    pub(crate) fn photograph(&self, folder: &Path, told: Option<NoiseModel>) {
+    pub(crate) fn photograph(&self, folder: &Path, stated: Option<NoiseModel>) {
         let frame = |(k, deg): (usize, &f64)| {
             let code = |i: usize| {
                 let (light, aolp) = Self::scene((i % SIZE) as f64 - (self.shift)(k), (i / SIZE) as f64);
@@ -90,7 +90,7 @@ impl Series {
         let set = FrameSet {
             black: Some(4000.0),
             white: Some(64_000.0),
-            noise: told,
+            noise: stated,
             angle_sigma_deg: self.angle_sigma_deg,
             ..FrameSet::new(Kind::Polarization, frames)
         };
@@ -156,7 +156,7 @@ fn moving_edges_are_not_noise() {
 
 /// A camera with more noise than stated is detected.
 #[test]
-fn noise_that_is_told_wrong_is_found_out() {
+fn wrong_stated_noise_is_detected() {
     let report = Series { louder: 2.0, ..Series::default() }.report(Some(CAMERA));
     let found = report.repeats.clone().unwrap();
     assert_eq!(report.noise.source, NoiseSource::Given);

@@ -3,7 +3,7 @@
 
 use crate::synthetic::normal;
 use crate::tests::bracket::write_set;
-use crate::{Demosaic, Model, Options, PutRight, Report, angle_difference, probe, reconstruct};
+use crate::{AppliedCorrections, Demosaic, Model, Options, Report, angle_difference, probe, reconstruct};
 use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_frames::{Channel, Frame, FrameSet, Kind, Layout, NoiseModel, Sensor, load};
@@ -60,7 +60,7 @@ fn calibration(planes: &BTreeMap<String, Vec<f32>>, aolp: f64) -> f64 {
 
 /// With given noise, and with noise estimated from one frame and from two.
 #[test]
-fn sigma_is_what_interpolated_pixels_scatter_by() {
+fn sigma_equals_the_scatter_of_interpolated_pixels() {
     for (count, noise) in [(1, Some(CAMERA)), (1, None), (2, None)] {
         let folder = tempfile::tempdir().unwrap();
         photograph(folder.path(), Sensor::Lucid, count, noise);
@@ -123,9 +123,9 @@ fn a_probed_pixel_is_that_of_the_maps() {
         let folder = tempfile::tempdir().unwrap();
         photograph(folder.path(), layout, 1, None);
         let (report, planes) = maps(folder.path(), demosaic);
-        let right = PutRight::read(&folder.path().join("out")).unwrap();
+        let applied = AppliedCorrections::read(&folder.path().join("out")).unwrap();
         let (x, y) = (report.width - 1, 7);
-        let found = probe(&load(folder.path()).unwrap(), [x, y], &right).unwrap();
+        let found = probe(&load(folder.path()).unwrap(), [x, y], &applied).unwrap();
         for (name, value) in [("S0", found.s0), ("S1", found.s1), ("S2", found.s2)] {
             let map = f64::from(planes[name][y * report.width + x]);
             assert!((map - value).abs() < 1e-6, "{layout:?} {demosaic:?} {name}: {map} {value}");

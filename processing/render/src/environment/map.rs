@@ -15,10 +15,10 @@ const MAX_PIXELS: usize = 32 << 20;
 const NOISE: f32 = 0.2;
 
 /// Largest fraction of infinite or NaN pixels.
-const MOST_NOT_FINITE: f64 = 0.01;
+const MAX_NOT_FINITE: f64 = 0.01;
 
 /// Fraction of negative light from which a warning is issued.
-const TOLD: f64 = 1e-4;
+const WARNED_NEGATIVE: f64 = 1e-4;
 
 /// A lat-long environment of linear radiance. Row 0 is the zenith (+z), the centre column points towards +x, and
 /// azimuth (anticlockwise seen from above) increases to the left.
@@ -130,8 +130,8 @@ impl Environment {
     /// Warnings about the environment.
     pub fn warnings(&self) -> Vec<String> {
         let part = 100.0 * self.negative;
-        let said = format!("radiance of the environment that is negative, {part:.2} % of its light, counts as none");
-        self.file_warnings.iter().cloned().chain((self.negative > TOLD).then_some(said)).collect()
+        let warning = format!("radiance of the environment that is negative, {part:.2} % of its light, counts as none");
+        self.file_warnings.iter().cloned().chain((self.negative > WARNED_NEGATIVE).then_some(warning)).collect()
     }
 
     /// Pixel of a column and a row that may lie beyond the edges: columns wrap, rows continue across the pole.
@@ -276,7 +276,7 @@ fn made_finite(name: &str, width: usize, rgb: &mut [[f32; 3]]) -> Result<Option<
     let bad = |pixel: &[f32; 3]| pixel.iter().any(|v| !v.is_finite());
     let count = rgb.iter().filter(|pixel| bad(pixel)).count();
     let Some(first) = rgb.iter().position(bad) else { return Ok(None) };
-    if count as f64 > MOST_NOT_FINITE * rgb.len() as f64 {
+    if count as f64 > MAX_NOT_FINITE * rgb.len() as f64 {
         let [r, g, b] = rgb[first];
         let problem = format!(
             "has {count} pixels with infinite radiance or none, the first ({r}, {g}, {b}) in column {}, row {}",

@@ -33,8 +33,8 @@ pub fn adapter() -> Result<String, String> {
 }
 
 /// Loads a scene onto a card, or returns the reason why that is not possible.
-pub(super) fn card(ready: &crate::prepared_scene::PreparedScene) -> Result<Card, String> {
-    Card::new(Prepared::of(ready, usize::MAX)?)
+pub(super) fn card(prepared: &crate::prepared_scene::PreparedScene) -> Result<Card, String> {
+    Card::new(Prepared::of(prepared, usize::MAX)?)
 }
 
 /// The shaders, with entry points `corner` (three vertices that cover the picture) and `light`.

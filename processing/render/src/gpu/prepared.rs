@@ -35,7 +35,7 @@ const SOFTWARE_MESH_UM: f32 = 1.4;
 const TURNS: f32 = 60_000.0;
 
 /// Maximum number of coherently lit slits: more produce lines too fine for the shaders' sums.
-const MOST_SLITS: usize = 256;
+const MAX_SLITS: usize = 256;
 
 /// Maximum number of lights, and uniforms of each.
 const LIGHTS: usize = 8;
@@ -74,50 +74,50 @@ impl Prepared {
     /// # Errors
     /// `Input` for invalid scenes, and for scenes that the shaders do not support.
     pub fn new(scene: &Scene, folder: &Path, error: f64, most: usize, progress: &dyn Progress) -> Result<Self> {
-        let ready = PreparedScene::new(scene, folder, Accuracy::new(error, None), progress)?;
-        Self::of(&ready, most).map_err(|why| Error::input("scene", why, "render it with `nacre render`"))
+        let prepared = PreparedScene::new(scene, folder, Accuracy::new(error, None), progress)?;
+        Self::of(&prepared, most).map_err(|why| Error::input("scene", why, "render it with `nacre render`"))
     }
 
     /// Converts a prepared scene, or returns the reason why the shaders do not support it.
-    pub(in super::super) fn of(ready: &PreparedScene, most: usize) -> std::result::Result<Self, String> {
-        let [shape] = ready.shapes.as_slice() else {
-            return Err(format!("it has {} shapes, not one", ready.shapes.len()));
+    pub(in super::super) fn of(prepared: &PreparedScene, most: usize) -> std::result::Result<Self, String> {
+        let [shape] = prepared.shapes.as_slice() else {
+            return Err(format!("it has {} shapes, not one", prepared.shapes.len()));
         };
-        if ready.skies.len() > 1 {
-            return Err(format!("it has {} environments, more than one", ready.skies.len()));
+        if prepared.skies.len() > 1 {
+            return Err(format!("it has {} environments, more than one", prepared.skies.len()));
         }
-        if ready.lamps.len() > LIGHTS {
-            return Err(format!("it has {} lights, more than {LIGHTS}", ready.lamps.len()));
+        if prepared.lamps.len() > LIGHTS {
+            return Err(format!("it has {} lights, more than {LIGHTS}", prepared.lamps.len()));
         }
-        if ready.accuracy.fixed.is_some() {
+        if prepared.accuracy.fixed.is_some() {
             return Err("the number of wavelengths is given".into());
         }
-        let material = ready.materials.get(shape.material).ok_or("its shape has no material")?;
+        let material = prepared.materials.get(shape.material).ok_or("its shape has no material")?;
         let mut values = Values { by_name: BTreeMap::new(), lights: [[0.0; 4]; ROWS * LIGHTS] };
-        values.camera(&ready.camera)?;
+        values.camera(&prepared.camera)?;
         let mesh = values.shape(&shape.form);
         let mut field = match &material.diffraction {
             Some(Diffraction::Relief(relief)) => {
-                Some(Field::new(relief, ready.accuracy.error, !ready.skies.is_empty(), &Silent)?)
+                Some(Field::new(relief, prepared.accuracy.error, !prepared.skies.is_empty(), &Silent)?)
             }
             _ => None,
         };
-        values.material(material, ready, field.as_ref())?;
-        for (k, lamp) in ready.lamps.iter().enumerate() {
+        values.material(material, prepared, field.as_ref())?;
+        for (k, lamp) in prepared.lamps.iter().enumerate() {
             values.lamp(k, lamp);
         }
         let diffraction = material.diffraction.as_ref();
         let cells = field.as_mut().and_then(|f| f.cells.take());
-        let mut textures = textures::all(diffraction, &ready.lamps, most, field);
-        match ready.skies.first() {
+        let mut textures = textures::all(diffraction, &prepared.lamps, most, field);
+        match prepared.skies.first() {
             Some(sky) => {
                 values.sky(sky);
-                textures.extend(under::all(sky, material, (&shape.form, ready.camera.at), cells)?);
+                textures.extend(under::all(sky, material, (&shape.form, prepared.camera.at), cells)?);
             }
             None => textures.extend(under::none()),
         }
         textures.push(mesh);
-        Ok(Self { size: ready.camera.size, uniforms: values.list(), textures })
+        Ok(Self { size: prepared.camera.size, uniforms: values.list(), textures })
     }
 
     /// Sets the range of samples to add, and the weight of the previous samples in the result.
@@ -253,7 +253,7 @@ impl Values {
     fn material(
         &mut self,
         material: &Material,
-        ready: &PreparedScene,
+        prepared: &PreparedScene,
         field: Option<&Field>,
     ) -> std::result::Result<(), String> {
         let Over::Same([coverage]) = material.coverage else {
@@ -282,8 +282,8 @@ impl Values {
                     return Err("its slits lie in all directions".into());
                 }
                 let Slits { spacing_um, width_um, count } = comb.slits;
-                if count > MOST_SLITS {
-                    return Err(format!("light falls on {count} slits together, more than {MOST_SLITS}"));
+                if count > MAX_SLITS {
+                    return Err(format!("light falls on {count} slits together, more than {MAX_SLITS}"));
                 }
                 let [x, y] = comb.across;
                 self.set("same", [y.atan2(x), spacing_um, 0.0, 0.0]);
@@ -315,8 +315,8 @@ impl Values {
                 5.0
             }
         };
-        self.set("what", [kind, ready.lamps.len() as f64, 0.0, coverage]);
-        let accuracy = &ready.accuracy;
+        self.set("what", [kind, prepared.lamps.len() as f64, 0.0, coverage]);
+        let accuracy = &prepared.accuracy;
         self.set("sums", [accuracy.step, accuracy.reach, ROUNDS as f64, BALANCED]);
         let Some(base) = &material.base else { return Ok(()) };
         let (Over::Same(albedo), Over::Same([roughness])) = (&base.albedo, &base.roughness) else {

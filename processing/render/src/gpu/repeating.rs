@@ -15,18 +15,18 @@ use std::f64::consts::TAU;
 const ROWS: usize = 2048;
 
 /// Maximum size of the terms' texture in bytes.
-const MOST_BYTES: usize = 1 << 30;
+const MAX_BYTES: usize = 1 << 30;
 
 /// Number of sampling tables for frequencies under an environment, from grazing to normal views: a surface seen at
 /// grazing incidence is nearly a mirror. It must match `heights.wgsl`.
 const COURSES: usize = 8;
 
 /// Maximum number of cells of all these tables.
-const MOST_CELLS: usize = 1 << 22;
+const MAX_CELLS: usize = 1 << 22;
 
 /// Minimum share of draws per cell, relative to the mean: a frequency without power at one phase may have some at
 /// another.
-const FEWEST_DRAWS: f64 = 1e-3;
+const MIN_DRAWS: f64 = 1e-3;
 
 /// A height field for graphics cards.
 pub(super) struct Field {
@@ -64,7 +64,7 @@ impl Cells {
         let reach = set.about.reach;
         let frequencies = reach.map(|r| 2 * r + 1);
         let sides = |fine: usize| frequencies.map(|n| n.div_ceil(fine));
-        let most = |fine: &usize| sides(*fine)[0] * sides(*fine)[1] * COURSES <= MOST_CELLS;
+        let most = |fine: &usize| sides(*fine)[0] * sides(*fine)[1] * COURSES <= MAX_CELLS;
         let fine = (1..).find(most).unwrap_or(1);
         let (side, across) = (sides(fine), beside(COURSES));
         let width = side[0] * across;
@@ -87,9 +87,7 @@ impl Cells {
             let mut shares: Vec<f64> = (0..count).into_par_iter().map(cell).collect();
             let mean = shares.iter().sum::<f64>() / count as f64;
             // Each cell has a minimum share; the mean share is one.
-            shares
-                .iter_mut()
-                .for_each(|s| *s = (*s / mean.max(f64::MIN_POSITIVE) + FEWEST_DRAWS) / (1.0 + FEWEST_DRAWS));
+            shares.iter_mut().for_each(|s| *s = (*s / mean.max(f64::MIN_POSITIVE) + MIN_DRAWS) / (1.0 + MIN_DRAWS));
             let tile = [course % across * side[0], course / across * side[1]];
             for (k, (share, (own, other))) in shares.iter().zip(draws(shares.clone())).enumerate() {
                 let at = 4 * ((tile[1] + k / side[0]) * width + tile[0] + k % side[0]);
@@ -116,7 +114,7 @@ impl Field {
         let pairs = set.about.terms.div_ceil(2);
         let across = beside(pairs);
         let (width, height) = (side[0] * across, side[1] * pairs.div_ceil(across));
-        if width * height * 16 > MOST_BYTES {
+        if width * height * 16 > MAX_BYTES {
             let [w, h] = side;
             return Err(format!("its height field takes {pairs} pairs of terms at {w} × {h} frequencies, too much"));
         }

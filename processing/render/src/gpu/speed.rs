@@ -139,10 +139,10 @@ pub struct Kept(Option<Card>);
 
 impl Kept {
     /// Loads a scene onto the card, or returns the reason why that is not possible.
-    fn with(&mut self, ready: &PreparedScene) -> std::result::Result<&mut Card, String> {
+    fn with(&mut self, prepared: &PreparedScene) -> std::result::Result<&mut Card, String> {
         match &mut self.0 {
-            Some(card) => card.load(Prepared::of(ready, usize::MAX)?)?,
-            none => *none = Some(card(ready)?),
+            Some(card) => card.load(Prepared::of(prepared, usize::MAX)?)?,
+            none => *none = Some(card(prepared)?),
         }
         self.0.as_mut().ok_or_else(|| "there is no card".into())
     }
@@ -155,20 +155,20 @@ impl Kept {
 /// `Input` for invalid scenes, and if no card supports the scene.
 pub fn timed(scene: &Scene, folder: &Path, samples: usize, error: f64, card: Option<&mut Kept>) -> Result<Timed> {
     Settings { samples, ..Settings::default() }.check()?;
-    let ready = PreparedScene::new(scene, folder, Accuracy::new(error, None), &Silent)?;
+    let prepared = PreparedScene::new(scene, folder, Accuracy::new(error, None), &Silent)?;
     let passes = (samples / SAMPLES).max(1);
     if let Some(kept) = card {
-        let card = kept.with(&ready).map_err(refused)?;
+        let card = kept.with(&prepared).map_err(refused)?;
         // Drivers compile shaders at the first draw.
         card.seconds(1, [1, 1]).map_err(refused)?;
         let begun = Instant::now();
         let pixels = card.pass(0, passes * SAMPLES).map_err(refused)?;
         return Ok(Timed { pixels, seconds: begun.elapsed().as_secs_f64() });
     }
-    let mut picture = Picture::new(ready.size());
+    let mut picture = Picture::new(prepared.size());
     let begun = Instant::now();
     for _ in 0..passes {
-        picture.add(&ready, &Silent)?;
+        picture.add(&prepared, &Silent)?;
     }
     let pixels = picture.pixels.iter().map(|p| p.rgb.map(|v| v as f32)).collect();
     Ok(Timed { pixels, seconds: begun.elapsed().as_secs_f64() })

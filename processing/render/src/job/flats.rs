@@ -27,33 +27,33 @@ const SHARE: f64 = 0.4;
 /// # Errors
 /// `Cancelled`.
 pub(crate) fn sum_up(
-    ready: &mut PreparedScene,
+    prepared: &mut PreparedScene,
     pilot: &Pilot,
     passes: usize,
     (allowed, better): (f64, f64),
     progress: &dyn Progress,
 ) -> Result<Option<f64>> {
-    let by_chance = pilot.lit_pixels(ready.size()) * (passes * SAMPLES) as f64;
+    let monte_carlo_samples = pilot.lit_pixels(prepared.size()) * (passes * SAMPLES) as f64;
     let mut summed: Option<f64> = None;
-    if ready.skies.is_empty() {
+    if prepared.skies.is_empty() {
         return Ok(None);
     }
-    for shape in 0..ready.shapes.len() {
-        let views = ready.views_of(shape);
+    for shape in 0..prepared.shapes.len() {
+        let views = prepared.views_of(shape);
         if views.is_empty() {
             continue;
         }
         let cost = |size: usize| CELL * (size * size) as f64;
         let (mut size, mut spent, mut before) = (SIZES[0], 0.0, None::<Flat>);
-        while size <= SIZES[1] && spent + cost(size) <= SHARE * by_chance {
-            let Some(flat) = ready.flat(shape, size, progress)? else { break };
+        while size <= SIZES[1] && spent + cost(size) <= SHARE * monte_carlo_samples {
+            let Some(flat) = prepared.flat(shape, size, progress)? else { break };
             spent += cost(size);
             let differs = before.map(|before| before.differs(&flat, &views));
             let enough = if size == SIZES[1] { allowed.max(better) } else { allowed };
             if let Some(error) = differs.filter(|d| *d <= enough) {
                 summed = Some(summed.unwrap_or(0.0).max(error));
-                ready.note_flat(shape, size, error);
-                ready.flats[shape] = Some(flat);
+                prepared.note_flat(shape, size, error);
+                prepared.flats[shape] = Some(flat);
                 break;
             }
             (before, size) = (Some(flat), 2 * size);
@@ -66,10 +66,10 @@ pub(crate) fn sum_up(
 ///
 /// # Errors
 /// `Cancelled`.
-pub(crate) fn sum_up_finer(ready: &mut PreparedScene, than: &PreparedScene, progress: &dyn Progress) -> Result<()> {
+pub(crate) fn sum_up_finer(prepared: &mut PreparedScene, than: &PreparedScene, progress: &dyn Progress) -> Result<()> {
     for (shape, flat) in than.flats.iter().enumerate() {
         let Some(size) = flat.as_ref().and_then(Flat::size) else { continue };
-        ready.flats[shape] = ready.flat(shape, 2 * size, progress)?;
+        prepared.flats[shape] = prepared.flat(shape, 2 * size, progress)?;
     }
     Ok(())
 }

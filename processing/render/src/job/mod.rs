@@ -63,12 +63,12 @@ pub fn render_watched(
     settings.spectral_nm.map_or(Ok(()), |step| spectral::check(scene, step))?;
     let mut sums = Sums::new(scene, folder, settings, progress)?;
     let digest = digest(scene, settings);
-    let mut picture = Picture::new(sums.ready.size());
+    let mut picture = Picture::new(sums.prepared.size());
     if let Some(path) = settings.keep.as_ref().filter(|_| settings.resume) {
-        picture = resumed(path, &digest, sums.ready.size())?;
+        picture = resumed(path, &digest, sums.prepared.size())?;
     }
     let mut most = (settings.samples / SAMPLES).max(1);
-    let (mut card, refused) = match settings.gpu.then(|| gpu::card(&sums.ready)) {
+    let (mut card, refused) = match settings.gpu.then(|| gpu::card(&sums.prepared)) {
         Some(Ok(card)) => (Some(card), None),
         Some(Err(why)) => (None, Some(format!("rendered on the processor: {why}"))),
         None => (None, None),
@@ -82,12 +82,12 @@ pub fn render_watched(
         picture.pass_samples = WELL_SPREAD;
     }
     most = (settings.samples / picture.pass_samples).max(1);
-    let ready = &sums.ready;
+    let prepared = &sums.prepared;
     let measured = if settings.check { Some(sums.checked(scene, folder, progress)?) } else { None };
     let passing = Instant::now();
     let (mut kept, first) = (Instant::now(), picture.passes);
     if card.is_none() {
-        pilot = own_first_passes(ready, &mut picture, pilot, (wanted, most), progress, watch)?;
+        pilot = own_first_passes(prepared, &mut picture, pilot, (wanted, most), progress, watch)?;
     }
     let mut noise = picture.error();
     let passes = pilot.passes(wanted, most);
@@ -102,7 +102,7 @@ pub fn render_watched(
     while !picture.is_enough(most, wanted) {
         match &mut card {
             Some(card) => on_card(card, &mut picture, progress)?,
-            None => picture.add(ready, progress)?,
+            None => picture.add(prepared, progress)?,
         }
         progress.step();
         noise = picture.error();
@@ -121,7 +121,7 @@ pub fn render_watched(
     if let Some(path) = &settings.keep {
         keep(path, &picture, &digest)?;
     }
-    let mut warnings = ready.warnings.clone();
+    let mut warnings = prepared.warnings.clone();
     warnings.extend(refused);
     warnings.extend(sums.warning());
     warnings.extend(sums.two_pass_warning(settings.max_error));
@@ -130,10 +130,10 @@ pub fn render_watched(
     }
     let (device, seconds_of_passes) =
         (card.map_or_else(|| "processor".into(), |card| card.name().to_owned()), passing.elapsed().as_secs_f64());
-    let (size, materials) = (ready.size(), ready.notes.clone());
+    let (size, materials) = (prepared.size(), prepared.notes.clone());
     let mut spectral = None;
     if let Some(step) = settings.spectral_nm {
-        let (bands, about) = spectral::spectra(sums.ready, (scene, folder), step, settings, progress)?;
+        let (bands, about) = spectral::spectra(sums.prepared, (scene, folder), step, settings, progress)?;
         (picture.bands, spectral) = (bands, Some(about));
     }
     let report = Report {
@@ -178,7 +178,7 @@ fn on_card(card: &mut Card, picture: &mut Picture, progress: &dyn Progress) -> R
 /// Renders the first passes of all pixels and predicts the remaining ones from their noise. Returns the pilot `ahead`
 /// for a picture that already has passes, or has fewer than two.
 fn own_first_passes(
-    ready: &PreparedScene,
+    prepared: &PreparedScene,
     picture: &mut Picture,
     ahead: Pilot,
     (error, most): (f64, usize),
@@ -190,7 +190,7 @@ fn own_first_passes(
     let of = (ahead.passes(error, most * larger) / larger).max(FEWEST).min(most);
     progress.stage("first passes", FEWEST.min(most).saturating_sub(first) as u64);
     while picture.passes < FEWEST.min(most) {
-        picture.add(ready, progress)?;
+        picture.add(prepared, progress)?;
         progress.step();
         let seconds_left = (ahead.seconds_of_a_pass * larger as f64) * (of - picture.passes) as f64;
         watch(picture, &SoFar { passes: picture.passes, of, noise: picture.error(), seconds_left });

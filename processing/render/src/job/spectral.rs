@@ -70,7 +70,7 @@ pub(crate) fn check(scene: &Scene, step_nm: f64) -> Result<()> {
 
 /// Renders a scene in bands, three at a time, until each group meets the target error.
 pub(crate) fn spectra(
-    mut ready: PreparedScene,
+    mut prepared: PreparedScene,
     (scene, folder): (&Scene, &Path),
     step_nm: f64,
     settings: &Settings,
@@ -82,10 +82,10 @@ pub(crate) fn spectra(
     progress.stage("bands", nm.len().div_ceil(3) as u64);
     let (mut bands, mut noise, mut passes) = (vec![], None, 0);
     for three in nm.chunks(3) {
-        ready.set_bands(scene, folder, Bands { first_nm: three[0], step_nm: step })?;
-        let mut picture = Picture::new(ready.size());
+        prepared.set_bands(scene, folder, Bands { first_nm: three[0], step_nm: step })?;
+        let mut picture = Picture::new(prepared.size());
         while !picture.is_enough(most, settings.max_error) {
-            picture.add(&ready, progress)?;
+            picture.add(&prepared, progress)?;
         }
         for (k, nm) in three.iter().enumerate() {
             bands.push(Band { nm: *nm, radiance: picture.pixels.iter().map(|p| p.rgb[k] as f32).collect() });

@@ -11,7 +11,7 @@ use crate::material::shading::Accuracy;
 use crate::picture::{Pilot, compared};
 use crate::prepared_scene::PreparedScene;
 use crate::scene::Scene;
-use crate::settings::{MOST_SAMPLES, Method, Settings};
+use crate::settings::{MAX_SAMPLES, Method, Settings};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
 use std::path::Path;
@@ -37,7 +37,7 @@ const CHECK: f64 = 1e-2;
 
 /// A scene with sums of sufficient accuracy.
 pub(crate) struct Sums {
-    pub ready: PreparedScene,
+    pub prepared: PreparedScene,
     /// Root mean square error of the sums over some pixels, relative to their mean luminance; 0 in the dark.
     pub error: f64,
     /// Permitted error.
@@ -75,8 +75,8 @@ impl Sums {
         Ok(Self::of(coarse, f64::NAN, allowed))
     }
 
-    fn of(ready: PreparedScene, error: f64, allowed: f64) -> Self {
-        Self { ready, error, allowed, two_pass: 0.0, environments: vec![] }
+    fn of(prepared: PreparedScene, error: f64, allowed: f64) -> Self {
+        Self { prepared, error, allowed, two_pass: 0.0, environments: vec![] }
     }
 
     /// Noise that passes may leave: the remainder of the target error after that of two passes, or the whole target
@@ -92,26 +92,26 @@ impl Sums {
     /// # Errors
     /// `Cancelled`.
     pub(crate) fn pilot(&mut self, settings: &Settings, most: usize, progress: &dyn Progress) -> Result<Pilot> {
-        let pilot = Pilot::new(&self.ready, progress)?;
+        let pilot = Pilot::new(&self.prepared, progress)?;
         if settings.method == Method::Samples {
             return Ok(pilot);
         }
-        let passes = pilot.passes(settings.max_error, MOST_SAMPLES / SAMPLES);
+        let passes = pilot.passes(settings.max_error, MAX_SAMPLES / SAMPLES);
         // Where samples do not reach the target error, the precomputed sums may have a larger error, as long as it is
         // below that of the samples.
         let left = pilot.noise(pilot.passes(settings.max_error, most));
         let better = if left > settings.max_error { BETTER * left } else { 0.0 };
         let mut changed = false;
         if settings.method == Method::Auto
-            && let Some(error) = flats::sum_up(&mut self.ready, &pilot, passes, (self.allowed, better), progress)?
+            && let Some(error) = flats::sum_up(&mut self.prepared, &pilot, passes, (self.allowed, better), progress)?
         {
             self.error = self.error.hypot(error);
             changed = true;
         }
-        let found = two_pass::two_passes(&mut self.ready, &pilot, passes, settings, progress)?;
-        changed |= self.ready.two_passes.iter().any(Option::is_some);
+        let found = two_pass::two_passes(&mut self.prepared, &pilot, passes, settings, progress)?;
+        changed |= self.prepared.two_passes.iter().any(Option::is_some);
         (self.two_pass, self.environments) = (found.error, found.reports);
-        if changed { Pilot::new(&self.ready, progress) } else { Ok(pilot) }
+        if changed { Pilot::new(&self.prepared, progress) } else { Ok(pilot) }
     }
 
     /// Measures the error against much finer sums at more pixels.
@@ -119,12 +119,12 @@ impl Sums {
     /// # Errors
     /// As [`PreparedScene::new`].
     pub(crate) fn checked(&self, scene: &Scene, folder: &Path, progress: &dyn Progress) -> Result<f64> {
-        let accuracy = Accuracy::new(CHECK * self.ready.accuracy.error, None);
-        let mut fine = PreparedScene::like(Some(&self.ready), scene, folder, accuracy, progress)?;
-        flats::sum_up_finer(&mut fine, &self.ready, progress)?;
+        let accuracy = Accuracy::new(CHECK * self.prepared.accuracy.error, None);
+        let mut fine = PreparedScene::like(Some(&self.prepared), scene, folder, accuracy, progress)?;
+        flats::sum_up_finer(&mut fine, &self.prepared, progress)?;
         // The error of two passes is already known; samples in their place would count as an error.
-        fine.two_passes.clone_from(&self.ready.two_passes);
-        Ok(compared(&self.ready, &fine, CHECKED, progress)?.unwrap_or(0.0).hypot(self.two_pass))
+        fine.two_passes.clone_from(&self.prepared.two_passes);
+        Ok(compared(&self.prepared, &fine, CHECKED, progress)?.unwrap_or(0.0).hypot(self.two_pass))
     }
 
     /// Warning for two passes that miss the target error.

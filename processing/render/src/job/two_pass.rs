@@ -6,7 +6,7 @@ use crate::material::diffraction::Diffraction;
 use crate::picture::Pilot;
 use crate::prepared_scene::PreparedScene;
 use crate::prepared_scene::two_pass::{Curves, Fineness, Plan, Seen, TwoPass};
-use crate::settings::{MOST_SAMPLES, Method, Settings};
+use crate::settings::{MAX_SAMPLES, Method, Settings};
 use crate::shape::ray::Hit;
 use nacre_base::progress::Progress;
 use nacre_base::random::Stream;
@@ -48,7 +48,7 @@ const RAYS: usize = 192;
 /// target error.
 const PLACES: usize = 256;
 const FINER: usize = 4;
-const MOST_AT_PLACE: usize = 1 << 16;
+const MAX_AT_PLACE: usize = 1 << 16;
 
 /// Largest number of samples at each point if two passes are requested, which are fast; the larger noise is added to
 /// the reported error.
@@ -143,7 +143,7 @@ struct Place {
 /// # Errors
 /// `Input` if two passes are requested and no shape supports them, or if curves are invalid; `Cancelled`.
 pub(crate) fn two_passes(
-    ready: &mut PreparedScene,
+    prepared: &mut PreparedScene,
     pilot: &Pilot,
     passes: usize,
     settings: &Settings,
@@ -152,19 +152,20 @@ pub(crate) fn two_passes(
     let forced = settings.method == Method::TwoPass;
     let mut outcome = Outcome { reports: vec![], error: 0.0 };
     let mut any = false;
-    for shape in 0..ready.shapes.len() {
-        let table = matches!(ready.materials[ready.shapes[shape].material].diffraction, Some(Diffraction::Table(_)));
-        if !table || ready.skies.is_empty() || ready.flats[shape].is_some() {
+    for shape in 0..prepared.shapes.len() {
+        let table =
+            matches!(prepared.materials[prepared.shapes[shape].material].diffraction, Some(Diffraction::Table(_)));
+        if !table || prepared.skies.is_empty() || prepared.flats[shape].is_some() {
             continue;
         }
         any = true;
-        let seen = ready.places_of(shape, RAYS);
+        let seen = prepared.places_of(shape, RAYS);
         if seen.is_empty() || pilot.mean <= 0.0 {
             continue;
         }
-        let work = Work { ready, shape, seen: &seen, pilot, passes, settings };
+        let work = Work { prepared, shape, seen: &seen, pilot, passes, settings };
         let Some((report, filtered)) = work.report(&mut outcome.error, progress)? else { continue };
-        ready.two_passes[shape] = filtered.map(Arc::new);
+        prepared.two_passes[shape] = filtered.map(Arc::new);
         outcome.reports.push(report);
     }
     if forced && !any {
@@ -180,7 +181,7 @@ pub(crate) fn two_passes(
 
 /// One shape.
 struct Work<'a> {
-    ready: &'a PreparedScene,
+    prepared: &'a PreparedScene,
     shape: usize,
     seen: &'a [(usize, Hit)],
     pilot: &'a Pilot,
@@ -194,8 +195,8 @@ impl Work<'_> {
     }
 
     /// Number of samples of the shape without two passes.
-    fn by_chance(&self) -> f64 {
-        let [width, height] = self.ready.size();
+    fn monte_carlo_samples(&self) -> f64 {
+        let [width, height] = self.prepared.size();
         let part = self.seen.len() as f64 / (RAYS * RAYS) as f64;
         part * (width * height) as f64 * (self.passes * SAMPLES) as f64
     }
@@ -204,7 +205,8 @@ impl Work<'_> {
     /// are not worth a test.
     fn report(&self, error: &mut f64, progress: &dyn Progress) -> Result<Option<(EnvironmentReport, Option<TwoPass>)>> {
         let Some(count) = self.samples_at_place() else { return Ok(None) };
-        let Some(Diffraction::Table(table)) = &self.ready.materials[self.ready.shapes[self.shape].material].diffraction
+        let Some(Diffraction::Table(table)) =
+            &self.prepared.materials[self.prepared.shapes[self.shape].material].diffraction
         else {
             return Ok(None);
         };
@@ -221,7 +223,7 @@ impl Work<'_> {
             );
             return if self.forced() { Err(refused) } else { Ok(None) };
         };
-        let kept = self.forced() || best.choice.left + best.cost / self.by_chance() <= 1.0 - GAIN;
+        let kept = self.forced() || best.choice.left + best.cost / self.monte_carlo_samples() <= 1.0 - GAIN;
         let why = self.why(&best, kept);
         let Fineness { width, .. } = best.fineness;
         let report = EnvironmentReport {
@@ -275,9 +277,9 @@ impl Work<'_> {
         let most = if self.forced() {
             FEW_AT_PLACE
         } else {
-            MOST_AT_PLACE.min((MEASURING * self.by_chance() / places as f64) as usize)
+            MAX_AT_PLACE.min((MEASURING * self.monte_carlo_samples() / places as f64) as usize)
         };
-        let count = wanted.min(most).min(MOST_SAMPLES) / STRATA * STRATA;
+        let count = wanted.min(most).min(MAX_SAMPLES) / STRATA * STRATA;
         let least = FEWEST * STRATA;
         if self.forced() { Some(count.max(least)) } else { (count >= least).then_some(count) }
     }
@@ -290,7 +292,7 @@ impl Work<'_> {
         let place = |group: &&[(usize, Hit)]| {
             let first = group[0].0;
             let (index, hit) = group[(Stream::new(first, 1).next() * group.len() as f64) as usize % group.len()];
-            let seen = self.ready.seen(&hit, self.shape);
+            let seen = self.prepared.seen(&hit, self.shape);
             let groups = count / STRATA;
             let (mut mean, mut squares) = (0.0, 0.0);
             for n in 0..groups {
@@ -299,7 +301,7 @@ impl Work<'_> {
                 }
                 let one = |k: usize| {
                     let mut random = Stream::stratified(index, usize::MAX - n, k, STRATA);
-                    self.ready.under_skies((&hit, self.shape), &seen, None, &mut random).unwrap_or(0.0)
+                    self.prepared.under_skies((&hit, self.shape), &seen, None, &mut random).unwrap_or(0.0)
                 };
                 let value = (0..STRATA).map(one).sum::<f64>() / STRATA as f64;
                 let off = value - mean;
@@ -321,24 +323,24 @@ impl Work<'_> {
     /// The best resolution of the ladder within the cost limit; `None` if even the first step exceeds it, or does not
     /// fit into memory.
     fn best(&self, curves: &Curves, reference: &Reference, progress: &dyn Progress) -> Result<Option<Tried>> {
-        let seen: Vec<Seen> = self.seen.iter().map(|(_, hit)| self.ready.seen(hit, self.shape)).collect();
+        let seen: Vec<Seen> = self.seen.iter().map(|(_, hit)| self.prepared.seen(hit, self.shape)).collect();
         let mut best: Option<Tried> = None;
         let mut spent = 0.0;
         for fineness in LADDER {
             let plan = Plan::new(curves, &seen, fineness);
-            let cost = plan.operations() * self.ready.skies.len() as f64 / PER_SAMPLE;
-            let allowed = SHARE * self.by_chance();
+            let cost = plan.operations() * self.prepared.skies.len() as f64 / PER_SAMPLE;
+            let allowed = SHARE * self.monte_carlo_samples();
             let dear = match (self.forced(), &best) {
                 (true, None) => false,
                 (true, Some(_)) => spent + cost > allowed.max(FORCED),
                 (false, _) => spent + cost > allowed,
             };
-            if plan.count() == 0 || dear || !plan.fits(self.ready.skies.len()) {
+            if plan.count() == 0 || dear || !plan.fits(self.prepared.skies.len()) {
                 break;
             }
             spent += cost;
             let poles = plan.count();
-            let filtered = plan.filter(&self.ready.skies, progress)?;
+            let filtered = plan.filter(&self.prepared.skies, progress)?;
             let choice = self.choice(reference, &filtered);
             let before = best.as_ref().map(|b| (b.choice.error, b.choice.left));
             let tried = Tried { filtered, fineness, poles, cost: spent, choice };
@@ -363,7 +365,7 @@ impl Work<'_> {
         let count = reference.places.len() as f64;
         let square = |place: &Place| {
             let found =
-                self.ready.under_skies((&place.hit, self.shape), &place.seen, Some(filtered), &mut Stream::of(0));
+                self.prepared.under_skies((&place.hit, self.shape), &place.seen, Some(filtered), &mut Stream::of(0));
             // The variance of the samples is not an error of the passes and is subtracted. Points without a filtered
             // environment use samples.
             found.map_or(0.0, |found| (found - place.mean).powi(2) - place.variance)

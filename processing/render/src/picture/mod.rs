@@ -75,16 +75,21 @@ impl Picture {
     ///
     /// # Errors
     /// `Cancelled`; the picture is then unusable.
-    pub(crate) fn add(&mut self, ready: &PreparedScene, progress: &dyn Progress) -> Result<()> {
+    pub(crate) fn add(&mut self, prepared: &PreparedScene, progress: &dyn Progress) -> Result<()> {
         let counts = match self.passes < FEWEST {
             true => vec![1; self.pixels.len()],
             false => adaptive_passes(&self.pixels, self.width, self.passes),
         };
-        self.add_passes(ready, &counts, progress)
+        self.add_passes(prepared, &counts, progress)
     }
 
     /// Adds the given number of passes to each pixel.
-    pub(crate) fn add_passes(&mut self, ready: &PreparedScene, counts: &[u8], progress: &dyn Progress) -> Result<()> {
+    pub(crate) fn add_passes(
+        &mut self,
+        prepared: &PreparedScene,
+        counts: &[u8],
+        progress: &dyn Progress,
+    ) -> Result<()> {
         let samples = self.pass_samples;
         let tiles = self.pixels.par_chunks_mut(TILE).zip(counts.par_chunks(TILE)).enumerate();
         tiles.for_each_init(Memory::default, |memory, (tile, (pixels, counts))| {
@@ -93,8 +98,8 @@ impl Picture {
                     if progress.cancelled() {
                         return;
                     }
-                    let seen = pass(ready, tile * TILE + k, pixel.passes as usize, samples, memory);
-                    pixel.add(ready.viewer.kept(seen));
+                    let seen = pass(prepared, tile * TILE + k, pixel.passes as usize, samples, memory);
+                    pixel.add(prepared.viewer.kept(seen));
                 }
             }
         });

@@ -42,8 +42,8 @@ impl Pilot {
     ///
     /// # Errors
     /// `Cancelled`.
-    pub(crate) fn new(ready: &PreparedScene, progress: &dyn Progress) -> Result<Self> {
-        let [width, height] = ready.size();
+    pub(crate) fn new(prepared: &PreparedScene, progress: &dyn Progress) -> Result<Self> {
+        let [width, height] = prepared.size();
         let count = PILOT.min(width * height / 4).max(1);
         progress.stage("looking ahead", 1);
         let begun = std::time::Instant::now();
@@ -52,7 +52,8 @@ impl Pilot {
             let (x, y) = ((first % width + k % 2).min(width - 1), (first / width + k / 2 % 2).min(height - 1));
             let mut pixel = Pixel::default();
             if !progress.cancelled() {
-                (0..FEWEST).for_each(|n| pixel.add(ready.viewer.kept(pass(ready, y * width + x, n, SAMPLES, memory))));
+                (0..FEWEST)
+                    .for_each(|n| pixel.add(prepared.viewer.kept(pass(prepared, y * width + x, n, SAMPLES, memory))));
             }
             pixel
         };
@@ -172,7 +173,7 @@ pub(crate) fn compared(
             if progress.cancelled() {
                 return [0.0; 2];
             }
-            [one, other].map(|ready| pass(ready, chosen(k, count, width * height), 0, SAMPLES, memory)[1])
+            [one, other].map(|prepared| pass(prepared, chosen(k, count, width * height), 0, SAMPLES, memory)[1])
         })
         .collect();
     progress.check()?;

@@ -43,8 +43,14 @@ impl Pixel {
 
 /// One pass of a pixel: the mean of `samples` samples, X, Y, Z. They are stratified over as many subpixels, and each of
 /// their other random numbers over as many intervals of 0 to 1. `samples` is 4 or 16.
-pub(super) fn pass(ready: &PreparedScene, index: usize, pass: usize, samples: usize, memory: &mut Memory) -> [f64; 3] {
-    let width = ready.size()[0];
+pub(super) fn pass(
+    prepared: &PreparedScene,
+    index: usize,
+    pass: usize,
+    samples: usize,
+    memory: &mut Memory,
+) -> [f64; 3] {
+    let width = prepared.size()[0];
     let (x, y) = ((index % width) as f64, (index / width) as f64);
     let side = samples.isqrt();
     let mut sum = [0.0; 3];
@@ -52,7 +58,7 @@ pub(super) fn pass(ready: &PreparedScene, index: usize, pass: usize, samples: us
         let mut random = Stream::stratified(index, pass, k, samples);
         let [u, v] = random.numbers();
         let at = [x + ((k % side) as f64 + u) / side as f64, y + ((k / side) as f64 + v) / side as f64];
-        let part = ready.at(at, &mut random, memory);
+        let part = prepared.at(at, &mut random, memory);
         (0..3).for_each(|c| sum[c] += part[c] / samples as f64);
     }
     sum

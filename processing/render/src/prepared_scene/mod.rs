@@ -28,7 +28,7 @@ use std::sync::Arc;
 use two_pass::{Seen, TwoPass};
 
 /// Maximum number of shapes, and of lights, of a scene.
-const MOST_THINGS: usize = 1000;
+const MAX_THINGS: usize = 1000;
 
 /// Positions along a side of the picture at which directions of view are sampled.
 const VIEWED: usize = 48;
@@ -57,9 +57,9 @@ pub(crate) fn check(scene: &Scene) -> Result<()> {
     if shape.is_empty() {
         return Err(Error::input("shape", "is none", "give at least one [[shape]]"));
     }
-    if shape.len() > MOST_THINGS || light.len() > MOST_THINGS {
+    if shape.len() > MAX_THINGS || light.len() > MAX_THINGS {
         let problem = format!("has {} shapes and {} lights", shape.len(), light.len());
-        return Err(Error::input("scene", problem, format!("give at most {MOST_THINGS}")));
+        return Err(Error::input("scene", problem, format!("give at most {MAX_THINGS}")));
     }
     if let Some(exposure) = exposure {
         number("exposure", *exposure, [1e-12, 1e12])?;

@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_not_stated_and_decides_is_said() {
+    fn decisive_defaults_are_reported() {
         let scene = |light: &str, diffraction: &str| {
             format!("[[light]]\n{light}\n[material.foil.diffraction]\n{diffraction}\n")
         };

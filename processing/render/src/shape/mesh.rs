@@ -6,7 +6,7 @@ use crate::vector::V3;
 use nacre_base::{Error, Result};
 
 /// Maximum number of triangles of a mesh.
-pub(crate) const MOST_TRIANGLES: usize = 20_000_000;
+pub(crate) const MAX_TRIANGLES: usize = 20_000_000;
 
 /// Maximum number of triangles in a leaf.
 const LEAF: usize = 4;
@@ -78,7 +78,7 @@ impl Raw {
     /// # Errors
     /// `Input` for non-finite coordinates, missing corners, too many triangles, and meshes without area.
     pub(crate) fn finished(mut self) -> Result<Mesh> {
-        if self.triangles.len() > MOST_TRIANGLES || self.corners.len() > MOST_TRIANGLES {
+        if self.triangles.len() > MAX_TRIANGLES || self.corners.len() > MAX_TRIANGLES {
             let problem = format!("has {} triangles and {} corners", self.triangles.len(), self.corners.len());
             return Err(self.refuse(problem, "give a mesh of at most 20 million triangles"));
         }

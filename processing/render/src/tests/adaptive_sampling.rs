@@ -23,26 +23,26 @@ fn samples_where_noise_is_save_error_and_bias_nothing() {
     for more in [format!("{shape}{FOIL}"), format!("{shape}{lamp}{skin}")] {
         // A lamp so wide that no single pixel dominates.
         let scene = Scene::parse(&format!("{STAGE}{more}").replace("sigma_mm = 4", "sigma_mm = 12")).unwrap();
-        let ready = PreparedScene::new(&scene, dir.path(), Accuracy::new(0.01, None), &Silent).unwrap();
+        let prepared = PreparedScene::new(&scene, dir.path(), Accuracy::new(0.01, None), &Silent).unwrap();
         let rounds = 24;
         let all = vec![100; 32 * 32];
         // The later passes alone: all passes without the first ones.
-        let mut first = Picture::new(ready.size());
-        first.add_passes(&ready, &all, &Silent).unwrap();
+        let mut first = Picture::new(prepared.size());
+        first.add_passes(&prepared, &all, &Silent).unwrap();
         let mut truth = first.clone();
         for _ in 0..3 {
-            truth.add_passes(&ready, &all, &Silent).unwrap();
+            truth.add_passes(&prepared, &all, &Silent).unwrap();
         }
         for (pixel, first) in truth.pixels.iter_mut().zip(&first.pixels) {
             pixel.luminance += (pixel.luminance - first.luminance) / 3.0;
         }
-        let [mut even, mut placed] = [0, 1].map(|_| Picture::new(ready.size()));
+        let [mut even, mut placed] = [0, 1].map(|_| Picture::new(prepared.size()));
         for _ in 0..rounds {
-            placed.add(&ready, &Silent).unwrap();
+            placed.add(&prepared, &Silent).unwrap();
         }
         let passes = |p: &Picture| p.pixels.iter().map(|p| p.passes as usize).sum::<usize>();
         while passes(&even) < passes(&placed) {
-            even.add_passes(&ready, &vec![1; 32 * 32], &Silent).unwrap();
+            even.add_passes(&prepared, &vec![1; 32 * 32], &Silent).unwrap();
         }
         let [[e, _], [p, bias]] = [&even, &placed].map(|found| off(found, &truth));
         let saved = (e / p).powi(2);

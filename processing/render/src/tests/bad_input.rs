@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn what_makes_no_sense_is_named() {
+fn invalid_values_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path();
     let write = |name: &str, text: &str| std::fs::write(path.join(name), text).unwrap();

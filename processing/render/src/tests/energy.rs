@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn nothing_gains_light_and_what_is_lossless_loses_none() {
+fn nothing_gains_light_and_lossless_surfaces_lose_none() {
     let dir = tempfile::tempdir().unwrap();
     let base = |albedo: f64, roughness: f64, specular: f64| {
         format!(
@@ -44,7 +44,7 @@ fn nothing_gains_light_and_what_is_lossless_loses_none() {
 }
 
 #[test]
-fn tables_give_back_what_they_get() {
+fn tables_conserve_energy() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     let base = |albedo: f64, roughness: f64, specular: f64| {
@@ -98,7 +98,7 @@ fn lossless_is_white(dir: &Path, material: &str, samples: usize, allowed: f64) {
 }
 
 #[test]
-fn height_fields_give_back_what_they_get() {
+fn height_fields_conserve_energy() {
     let dir = tempfile::tempdir().unwrap();
     heights(dir.path());
     let material = "[material.a.diffraction]\ntype = \"heightfield\"\nfile = \"heights.exr\"\nlossless = true\n";
@@ -162,7 +162,7 @@ fn balanced_orders_are_reciprocal_and_near_to_scalar_theory() {
 }
 
 #[test]
-fn steep_grooves_are_told() {
+fn steep_grooves_are_reported() {
     let notes = |relief: &str| {
         let text = format!(
             "[material.a.diffraction]\ntype = \"grating\"\nperiod_um = 1.6\norientation_deg = 0\nrelief = {{ {relief} }}\n{SKY}"

@@ -27,7 +27,7 @@ fn lit(position: [f64; 3], more: &str) -> String {
 }
 
 #[test]
-fn what_is_summed_up_is_what_is_drawn_by_chance() {
+fn sums_agree_with_monte_carlo() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     sky(dir.path());
@@ -96,7 +96,7 @@ fn the_error_decides_the_method_not_the_sample_limit() {
 /// For a target error that neither method reaches, the sum with the finest cells is more accurate than the permitted
 /// samples.
 #[test]
-fn what_samples_do_not_reach_is_summed_up_all_the_same() {
+fn sums_include_light_beyond_the_samples() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     sky(dir.path());
@@ -130,10 +130,10 @@ fn white_skies_are_those_of_plain_sums() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     let text = plane(0.0, 30.0, &format!("{LUT}lossless = true\n{SKY}"));
-    let ready =
+    let prepared =
         PreparedScene::new(&Scene::parse(&text).unwrap(), dir.path(), Accuracy::new(1e-3, None), &Silent).unwrap();
-    let flats = [64, 128, 256].map(|size| ready.flat(0, size, &Silent).unwrap().unwrap());
-    let Some(Diffraction::Table(table)) = &ready.materials[0].diffraction else { panic!("no table") };
+    let flats = [64, 128, 256].map(|size| prepared.flat(0, size, &Silent).unwrap().unwrap());
+    let Some(Diffraction::Table(table)) = &prepared.materials[0].diffraction else { panic!("no table") };
     // Largest deviations: of the cells, and of the table's divisor.
     let mut worst = [0.0_f64; 4];
     for angle in [0.0_f64, 40.0, 65.0, 80.0, 88.0, 89.5] {

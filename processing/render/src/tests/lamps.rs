@@ -17,8 +17,8 @@ fn waves(spacing: f64, width: f64, count: usize, frequency: f64) -> f64 {
 /// Luminance of the paper's disc at normal view, under light of 550 nm with a Gaussian distribution of directions. It
 /// is a sum over 161 × 81 points of the lamp at 9 wavelengths. Order powers are those of the renderer's own matrix,
 /// since the integral of a lobe over directions is its order's power.
-fn divided(ready: &PreparedScene, light: [f64; 3], sigma: f64) -> f64 {
-    let Some(Diffraction::Comb(comb)) = &ready.materials[0].diffraction else { panic!("no slits") };
+fn divided(prepared: &PreparedScene, light: [f64; 3], sigma: f64) -> f64 {
+    let Some(Diffraction::Comb(comb)) = &prepared.materials[0].diffraction else { panic!("no slits") };
     let (spacing, width, count) = (2.0, 0.5, 21);
     let along = nacre_brdf::Window::new(spacing * f64::from(count)).unwrap().sigma;
     let middle = nalgebra::Vector3::from(light);
@@ -66,9 +66,9 @@ fn slits_under_a_wide_lamp_have_no_ripples() {
                 "{material}[[light]]\ntype = \"directional\"\ndirection = {light:?}\nsigma_deg = {sigma_deg:?}\nspectrum = 550\n"
             );
             let scene = Scene::parse(&plane(0.0, 0.0, &more)).unwrap();
-            let ready = PreparedScene::new(&scene, Path::new(""), Accuracy::new(1e-4, None), &Silent).unwrap();
-            found.push(ready.at([2.0, 2.0], &mut Stream::new(0, 0), &mut Default::default())[1]);
-            truth.push(divided(&ready, light, f64::to_radians(sigma_deg)));
+            let prepared = PreparedScene::new(&scene, Path::new(""), Accuracy::new(1e-4, None), &Silent).unwrap();
+            found.push(prepared.at([2.0, 2.0], &mut Stream::new(0, 0), &mut Default::default())[1]);
+            truth.push(divided(&prepared, light, f64::to_radians(sigma_deg)));
         }
         let most = truth.iter().copied().fold(0.0, f64::max);
         let worst = found.iter().zip(&truth).map(|(f, t)| (f - t).abs() / most).fold(0.0, f64::max);

@@ -124,7 +124,7 @@ fn a_point_lights_picture_is_the_brdf_pixel_by_pixel() {
                 [[light]]\ntype = \"directional\"\ndirection = [0.3, 0.02, 0.9]\nspectrum = \"E\"\n";
     let text = "[camera]\nposition = [0, 0, 100]\ntarget = [0, 0, 0]\nfov_deg = 70\nwidth = 24\nheight = 24\n[[shape]]\ntype = \"plane\"\nsize = [1e4, 1e4]\nmaterial = \"a\"\n".to_owned() + more;
     let scene = Scene::parse(&text).unwrap();
-    let ready = PreparedScene::new(&scene, Path::new(""), Accuracy::new(1e-5, None), &Silent).unwrap();
+    let prepared = PreparedScene::new(&scene, Path::new(""), Accuracy::new(1e-5, None), &Silent).unwrap();
     let section = Section::Formula { profile: Profile::Sinusoid, depth_um: 0.2 };
     let window = nacre_brdf::Window::new(20.0).unwrap();
     let grating = Grating::new(&section, period, window.sigma, Reflectance::Perfect, 1e-6);
@@ -134,7 +134,7 @@ fn a_point_lights_picture_is_the_brdf_pixel_by_pixel() {
     for k in 0..24 * 24 {
         let (x, y) = ((k % 24) as f64 + 0.5, (k / 24) as f64 + 0.5);
         let mut memory = Default::default();
-        let found = ready.at([x, y], &mut Stream::new(k, 0), &mut memory);
+        let found = prepared.at([x, y], &mut Stream::new(k, 0), &mut memory);
         let found = nacre_optics::color::linear_srgb(found.map(|v| v as f32)).map(f64::from);
         // From the point on the plane to the camera.
         let place = nalgebra::Vector3::new((x / 12.0 - 1.0) * half * 100.0, (1.0 - y / 12.0) * half * 100.0, 0.0);
@@ -179,8 +179,8 @@ fn a_height_fields_picture_is_its_brdf() {
         }
         seen += 1;
         let scene = Scene::parse(&text).unwrap();
-        let ready = PreparedScene::new(&scene, dir.path(), Accuracy::new(1e-3, None), &Silent).unwrap();
-        let found = ready.at([0.5, 0.5], &mut Stream::new(0, 0), &mut Default::default());
+        let prepared = PreparedScene::new(&scene, dir.path(), Accuracy::new(1e-3, None), &Silent).unwrap();
+        let found = prepared.at([0.5, 0.5], &mut Stream::new(0, 0), &mut Default::default());
         for c in 0..3 {
             let truth = f64::from(truth[c]) * b;
             // Each is accurate to 1 %.
@@ -296,7 +296,7 @@ fn as_predicted(report: &Report) {
 }
 
 #[test]
-fn sums_are_off_by_what_is_said_however_much_that_may_be() {
+fn errors_of_sums_are_as_reported() {
     let shape = "[[shape]]\ntype = \"sphere\"\nradius = 40\nmaterial = \"a\"\n";
     for (foil, light) in
         [(FOIL.to_owned(), ""), (FOIL.replace("depth_um = 0.15", "depth_um = 1.2"), ""), (FOIL.to_owned(), SKY)]
@@ -335,7 +335,7 @@ fn flanks_of_lobes_are_as_exact_as_lobes() {
 }
 
 #[test]
-fn what_was_kept_is_gone_on_with() {
+fn kept_pictures_are_resumed() {
     let dir = tempfile::tempdir().unwrap();
     let text = format!("{STAGE}[[shape]]\ntype = \"sphere\"\nradius = 40\nmaterial = \"a\"\n{FOIL}");
     let whole = picture(&text, dir.path(), &settings(32, 1e-5));

@@ -13,8 +13,8 @@ fn luminance(layout: &str, light: [f64; 3]) -> f64 {
          sigma_deg = 0.5\nspectrum = 550\n"
     );
     let scene = Scene::parse(&plane(0.0, 0.0, &more)).unwrap();
-    let ready = PreparedScene::new(&scene, Path::new(""), Accuracy::new(1e-4, None), &Silent).unwrap();
-    ready.at([2.0, 2.0], &mut Stream::new(0, 0), &mut Default::default())[1]
+    let prepared = PreparedScene::new(&scene, Path::new(""), Accuracy::new(1e-4, None), &Silent).unwrap();
+    prepared.at([2.0, 2.0], &mut Stream::new(0, 0), &mut Default::default())[1]
 }
 
 /// Slits in all directions equal the mean over slits of each direction: on orders and between them, from any side.

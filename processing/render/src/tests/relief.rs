@@ -33,9 +33,9 @@ fn tabled_densities_are_densities() {
 
 /// Light of a sky with a lamp reflected by a lossless field towards a view. The sum covers 90 × 180 directions at 40
 /// wave numbers, directly from the densities and Stam's equation.
-fn summed(ready: &PreparedScene, densities: &Densities, view: [f64; 3]) -> f64 {
+fn summed(prepared: &PreparedScene, densities: &Densities, view: [f64; 3]) -> f64 {
     let (n, numbers) = (90, 40);
-    let sky = &ready.skies[0];
+    let sky = &prepared.skies[0];
     let [least, most] = sky.upsampling.range();
     let (mut sum, mut w) = (0.0, Workspace::default());
     for k in 0..numbers {
@@ -72,16 +72,16 @@ fn sampled_light_equals_the_sum_over_all_directions() {
         let more = "[material.a.diffraction]\ntype = \"heightfield\"\nfile = \"heights.exr\"\nlossless = true\n\
                     [[light]]\ntype = \"environment\"\nfile = \"sky.exr\"\n";
         let scene = Scene::parse(&plane(angle, 30.0, more)).unwrap();
-        let ready = PreparedScene::new(&scene, dir.path(), Accuracy::new(1e-2, None), &Silent).unwrap();
+        let prepared = PreparedScene::new(&scene, dir.path(), Accuracy::new(1e-2, None), &Silent).unwrap();
         let ((sin, cos), (s, c)) = (angle.to_radians().sin_cos(), 30_f64.to_radians().sin_cos());
-        let truth = summed(&ready, &densities, [sin * c, sin * s, cos]);
+        let truth = summed(&prepared, &densities, [sin * c, sin * s, cos]);
         let (picture, report) = render(&scene, dir.path(), &settings(4096, 0.004), &Silent).unwrap();
         let found = picture.pixels.iter().map(|p| p.luminance).sum::<f64>() / 16.0;
         println!("{angle}°: {found} {truth}, noise {} of {} samples", report.noise, report.samples);
         // The mean of 16 pixels has a quarter of their noise, 0.1 %; the errors of the sum itself, the table and the
         // albedo are some tenths of a per cent.
         assert!((found / truth - 1.0).abs() < 0.015, "{angle}: {found} {truth}");
-        assert!(matches!(ready.materials[0].diffraction, Some(Diffraction::Relief(_))));
+        assert!(matches!(prepared.materials[0].diffraction, Some(Diffraction::Relief(_))));
     }
 }
 

@@ -121,7 +121,7 @@ fn files_hold_spectra_as_others_read_them() {
 }
 
 #[test]
-fn noise_is_told_from_the_second_pass_on() {
+fn noise_is_reported_from_the_second_pass_on() {
     let scene = Scene::parse(&stage(GRATING, LAMP)).unwrap();
     let noise = |samples| {
         let (_, report) = render(&scene, Path::new(""), &spectral(50.0, samples), &Silent).unwrap();

@@ -58,8 +58,8 @@ fn prepared(text: &str, folder: &Path) -> PreparedScene {
 
 /// Luminance of the sky reflected by a point, by a direct sum over all directions: `f cos θ` is
 /// `S (1 + ωi·ωo)²/cos θo`, scaled as the table is.
-fn plainly(ready: &PreparedScene, (frame, towards): &Seen) -> f64 {
-    let Some(Diffraction::Table(table)) = &ready.materials[0].diffraction else { panic!("no table") };
+fn plainly(prepared: &PreparedScene, (frame, towards): &Seen) -> f64 {
+    let Some(Diffraction::Table(table)) = &prepared.materials[0].diffraction else { panic!("no table") };
     let view = frame.map(|f| f.dot(towards));
     let (width, height) = (768, 384);
     let mut sum = [0.0; 3];
@@ -72,7 +72,7 @@ fn plainly(ready: &PreparedScene, (frame, towards): &Seen) -> f64 {
             let solid = sin * PI / 384.0 * TAU / 768.0;
             let s = table.raw([light[0] + view[0], light[1] + view[1]]);
             let gain = (1.0 + (0..3).map(|k| light[k] * view[k]).sum::<f64>()).powi(2) * solid;
-            let radiance = ready.skies[0].radiance(towards);
+            let radiance = prepared.skies[0].radiance(towards);
             (0..3).for_each(|c| sum[c] += s[c] * gain * radiance[c]);
         }
     }
@@ -83,18 +83,18 @@ fn plainly(ready: &PreparedScene, (frame, towards): &Seen) -> f64 {
 
 /// Root mean square difference between two passes and the direct sum at some points of a shape, relative to their mean,
 /// and the number of filtered environments.
-fn off(ready: &PreparedScene, fineness: Fineness) -> (f64, usize) {
-    let Some(Diffraction::Table(table)) = &ready.materials[0].diffraction else { panic!("no table") };
+fn off(prepared: &PreparedScene, fineness: Fineness) -> (f64, usize) {
+    let Some(Diffraction::Table(table)) = &prepared.materials[0].diffraction else { panic!("no table") };
     let curves = Curves::of(table, None, 0.005).unwrap();
-    let all: Vec<Seen> = ready.places_of(0, 96).iter().map(|(_, hit)| ready.seen(hit, 0)).collect();
+    let all: Vec<Seen> = prepared.places_of(0, 96).iter().map(|(_, hit)| prepared.seen(hit, 0)).collect();
     let plan = Plan::new(&curves, &all, fineness);
     let count = plan.count();
-    let filtered = plan.filter(&ready.skies, &Silent).unwrap();
+    let filtered = plan.filter(&prepared.skies, &Silent).unwrap();
     let (mut square, mut mean, mut places) = (0.0, 0.0, 0.0_f64);
-    for (_, hit) in ready.places_of(0, 7) {
-        let seen = ready.seen(&hit, 0);
-        let truth = plainly(ready, &seen);
-        let Some(found) = ready.under_skies((&hit, 0), &seen, Some(&filtered), &mut Stream::of(0)) else { continue };
+    for (_, hit) in prepared.places_of(0, 7) {
+        let seen = prepared.seen(&hit, 0);
+        let truth = plainly(prepared, &seen);
+        let Some(found) = prepared.under_skies((&hit, 0), &seen, Some(&filtered), &mut Stream::of(0)) else { continue };
         square += (found - truth).powi(2);
         mean += truth;
         places += 1.0;
@@ -113,15 +113,15 @@ fn filtered_skies_approach_plain_sums_on_every_shape() {
         for (turn, behind) in [(0.0, false), (37.0, true)] {
             let front = scene(shape, 32, "") + &format!("[turn]\nsample_deg = {turn}\n");
             let text = if behind { front.replace("90, 600]", "90, -600]") } else { front };
-            let ready = prepared(&text, dir.path());
-            let (rough, few) = off(&ready, coarse);
+            let prepared = prepared(&text, dir.path());
+            let (rough, few) = off(&prepared, coarse);
             if name == "sphere" {
                 // All views up to the horizon: even the coarsest tilts need a thousand environments.
                 println!("{name} {turn}: {rough} by {few}");
                 assert!(rough < 0.1, "{name} {turn}: {rough}");
                 continue;
             }
-            let (close, many) = off(&ready, fine);
+            let (close, many) = off(&prepared, fine);
             println!("{name} {turn}: {rough} by {few}, {close} by {many}");
             assert!(close < 0.05 && close < 0.8 * rough, "{name} {turn}: {rough} {close}");
         }

@@ -159,7 +159,7 @@ mod tests {
 
     /// More samples reduce the difference to the reference, and a smaller truncation error approaches the exact sums.
     #[test]
-    fn knobs_do_what_they_say() {
+    fn knobs_have_their_effect() {
         for (study, last) in studies(Effort::Quick).iter().zip([SAMPLES.len() - 1, ERRORS.len() - 1]) {
             let error = |setting| (study.run)(setting, 0, 5).unwrap().error.unwrap();
             let (coarse, fine) = (error(0), error(last));

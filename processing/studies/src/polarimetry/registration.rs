@@ -164,7 +164,7 @@ mod tests {
     /// Malus' law determines shifts to a few hundredths of a pixel, with a matching σ; textures of parallel edges are
     /// refused.
     #[test]
-    fn shifts_are_told_or_refused() {
+    fn shifts_are_measured_or_refused() {
         let good = run(160, (12, true), [3000.0, 180.0], 3).unwrap();
         assert!(good.error.unwrap() < 0.03 && good.wrong == 0.0, "{good:?}");
         let alike = run(160, (12, true), [3000.0, 0.0], 3).unwrap();

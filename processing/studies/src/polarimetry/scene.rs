@@ -5,8 +5,8 @@ use nacre_base::Result;
 use nacre_plot::style::number;
 use nacre_polarimetry::synthetic::{Photographs, Synthetic};
 use nacre_polarimetry::{
-    Asked, CLOUD, Design, Fit, Model, OrientationMaps, StokesMaps, angle_difference, angle_sigma, compare, misses,
-    orient, orient_with,
+    Design, Fit, Model, OrientationMaps, SAMPLE_PIXELS, SolveOptions, StokesMaps, angle_difference, angle_errors,
+    angle_sigma, compare, orient, orient_with,
 };
 use num_complex::Complex;
 use std::f64::consts::PI;
@@ -28,7 +28,7 @@ pub(super) struct Method {
 /// The compared models. `auto` is last, so that its curve is drawn on top of the model that it selects.
 pub(super) fn methods() -> Vec<Method> {
     let models = [Model::Sinusoid, Model::Prenormalized, Model::Circle, Model::Curve, Model::Auto];
-    models.map(|model| method(model, CLOUD)).to_vec()
+    models.map(|model| method(model, SAMPLE_PIXELS)).to_vec()
 }
 
 /// The phase of the sinusoid without model selection, for studies of the photographs rather than of films.
@@ -38,15 +38,16 @@ pub(super) fn sinusoid() -> Method {
 }
 
 /// The program's default model with nominal analyser angles.
-pub(super) fn angles_as_said() -> Method {
-    let solve = |maps: &mut StokesMaps, of: &Photographs| Ok(as_said(maps, of, Asked::of(Model::Auto)));
+pub(super) fn nominal_angles() -> Method {
+    let solve =
+        |maps: &mut StokesMaps, of: &Photographs| Ok(with_nominal_angles(maps, of, SolveOptions::of(Model::Auto)));
     Method { name: "auto, angles as said", solve: Arc::new(solve), default: false }
 }
 
 /// Orientations with nominal analyser angles, and their σ from the residuals.
-fn as_said(maps: &mut StokesMaps, of: &Photographs, asked: Asked) -> OrientationMaps {
+fn with_nominal_angles(maps: &mut StokesMaps, of: &Photographs, options: SolveOptions) -> OrientationMaps {
     let angle_sigma = angle_sigma(&views(of), &of.design, maps).unwrap_or(0.0);
-    orient_with(maps, &of.design, &of.noise, &Asked { angle_sigma, ..asked })
+    orient_with(maps, &of.design, &of.noise, &SolveOptions { angle_sigma, ..options })
 }
 
 fn views(of: &Photographs) -> Vec<&[f32]> {
@@ -57,14 +58,14 @@ fn views(of: &Photographs) -> Vec<&[f32]> {
 pub(super) fn method(model: Model, pixels: usize) -> Method {
     let solve = move |maps: &mut StokesMaps, of: &Photographs| {
         // As the program does when the accuracy of the stage is not given.
-        if let Some(found) = misses(&views(of), &of.angles, None, |angles, design| fit_of(of, angles, design)) {
+        if let Some(found) = angle_errors(&views(of), &of.angles, None, |angles, design| fit_of(of, angles, design)) {
             let angles: Vec<f64> = of.angles.iter().zip(&found.errors).map(|(a, e)| a + e).collect();
             let design = Design::new(&angles)?;
             *maps = fit_of(of, &angles, &design);
-            let asked = Asked { pixels, angle_sigma: found.left, ..Asked::of(model) };
-            return Ok(orient_with(maps, &design, &of.noise, &asked));
+            let options = SolveOptions { pixels, angle_sigma: found.sigma, ..SolveOptions::of(model) };
+            return Ok(orient_with(maps, &design, &of.noise, &options));
         }
-        Ok(as_said(maps, of, Asked { pixels, ..Asked::of(model) }))
+        Ok(with_nominal_angles(maps, of, SolveOptions { pixels, ..SolveOptions::of(model) }))
     };
     Method { name: model.word(), solve: Arc::new(solve), default: model == Model::Auto }
 }
@@ -185,7 +186,8 @@ mod tests {
         let missed = (0..12).map(|k| f64::to_radians(0.5) * normal(1, k)).collect();
         let too_far = even_angles(12).iter().map(|a| a / 180.0).collect();
         for scene in [bare(missed), bare(too_far)] {
-            let [auto, phase] = [method(Model::Auto, CLOUD), sinusoid()].map(|m| run(&scene, &m, 4000, 1).unwrap());
+            let [auto, phase] =
+                [method(Model::Auto, SAMPLE_PIXELS), sinusoid()].map(|m| run(&scene, &m, 4000, 1).unwrap());
             assert!(auto.error.unwrap() < phase.error.unwrap() + 0.01 && auto.wrong == 0.0, "{auto:?} {phase:?}");
         }
     }

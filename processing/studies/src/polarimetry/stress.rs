@@ -5,7 +5,7 @@
 //! from the film.
 
 use super::scene::{
-    Method, PROMISED, angles_as_said, judge, methods, orientation_error, pixels, ratio, run, sinusoid, time_of_map,
+    Method, PROMISED, judge, methods, nominal_angles, orientation_error, pixels, ratio, run, sinusoid, time_of_map,
 };
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
 use nacre_base::Result;
@@ -54,8 +54,8 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let few: Vec<Method> = methods().into_iter().filter(|m| m.default || m.name == "sinusoid").collect();
     let of_angles = |name| ["stress-angle-random", "stress-backlash", "stress-angle-scale"].contains(&name);
     all.extend(photographs().into_iter().map(|s| {
-        let as_said = of_angles(s.name).then(angles_as_said);
-        study(s, as_said.into_iter().chain(few.clone()).collect(), effort)
+        let with_nominal_angles = of_angles(s.name).then(nominal_angles);
+        study(s, with_nominal_angles.into_iter().chain(few.clone()).collect(), effort)
     }));
     all.push(saturation(effort));
     all

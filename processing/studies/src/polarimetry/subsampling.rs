@@ -4,9 +4,9 @@ use super::scene::{PROMISED, method, orientation_error, ratio, run, time_of_map}
 use crate::{Axis, Effort, Scene, Setting, Study};
 use nacre_plot::style::number;
 use nacre_polarimetry::synthetic::Synthetic;
-use nacre_polarimetry::{CLOUD, Model, NoiseModel};
+use nacre_polarimetry::{Model, NoiseModel, SAMPLE_PIXELS};
 
-const PIXELS: [usize; 7] = [50, 150, 500, 1500, 5000, 15_000, CLOUD];
+const PIXELS: [usize; 7] = [50, 150, 500, 1500, 5000, 15_000, SAMPLE_PIXELS];
 const ELECTRONS: [f64; 5] = [1000.0, 4000.0, 12_000.0, 40_000.0, 160_000.0];
 const REFERENCE: usize = 3;
 /// Pixels of the map.
@@ -18,7 +18,7 @@ pub(super) fn study(effort: Effort) -> Study {
     let setting = |n: &usize| {
         let setting = Setting::new("curve", format!("{} pixels", number(*n as f64)), *n as f64);
         match *n {
-            CLOUD => setting.as_default(),
+            SAMPLE_PIXELS => setting.as_default(),
             150 | 1500 | 15_000 => setting.without_sweep(),
             _ => setting,
         }

@@ -4,7 +4,7 @@
 //! with busy. A stop ends cleaning only. Requests need no end of line: their letters determine their length.
 
 use super::axis::{Axis, Progress};
-use super::mouth::Mouth;
+use super::response_queue::ResponseQueue;
 use super::{Action, ByteFault, ByteFaultKind, Emulator, Strikes};
 use crate::Port;
 use serde::{Deserialize, Serialize};
@@ -60,7 +60,7 @@ const BUSY: u8 = 9;
 pub struct Elliptec {
     options: Options,
     axis: Axis,
-    mouth: Mouth,
+    responses: ResponseQueue,
     strikes: Strikes,
     /// Bytes of an incomplete request.
     heard: String,
@@ -77,7 +77,7 @@ impl Elliptec {
     pub fn new(port: Box<dyn Port>, options: Options) -> Self {
         Self {
             axis: Axis::new(port),
-            mouth: Mouth::new(Duration::from_millis(options.late_ms)),
+            responses: ResponseQueue::new(Duration::from_millis(options.late_ms)),
             strikes: Strikes::new(options.faults.clone()),
             options,
             heard: String::new(),
@@ -105,7 +105,7 @@ impl Elliptec {
         match fault {
             Some(ByteFaultKind::NoAnswer) => return None,
             Some(ByteFaultKind::Dropped) => {
-                self.mouth.shut();
+                self.responses.clear();
                 return Some(Action::Close);
             }
             Some(ByteFaultKind::Reset) => self.restart(),
@@ -169,7 +169,7 @@ impl Elliptec {
 
     fn restart(&mut self) {
         self.axis.restart();
-        self.mouth.shut();
+        self.responses.clear();
         (self.stuck, self.caring, self.spoiled) = (false, None, None);
         self.starting = Some(Instant::now() + STARTING);
     }
@@ -185,7 +185,7 @@ impl Elliptec {
     }
 
     fn answer(&mut self, fault: Option<ByteFaultKind>, text: &str) {
-        self.mouth.say(fault, &format!("{}{text}\r\n", self.options.address));
+        self.responses.push(fault, &format!("{}{text}\r\n", self.options.address));
     }
 }
 
@@ -210,7 +210,7 @@ impl Emulator for Elliptec {
                 return vec![action];
             }
         }
-        self.mouth.speak()
+        self.responses.due()
     }
 
     fn tick(&mut self) -> Vec<Action> {
@@ -228,6 +228,6 @@ impl Emulator for Elliptec {
             Progress::Failed => self.status(None, MECHANICAL_TIMEOUT),
             Progress::Rest | Progress::Turning => {}
         }
-        self.mouth.speak()
+        self.responses.due()
     }
 }

@@ -4,7 +4,7 @@
 //! decelerates; a reset during a movement causes an alarm.
 
 use super::axis::{Axis, Progress};
-use super::mouth::Mouth;
+use super::response_queue::ResponseQueue;
 use super::{Action, ByteFault, ByteFaultKind, Emulator, Strikes};
 use crate::Port;
 use serde::{Deserialize, Serialize};
@@ -58,7 +58,7 @@ const MAX_LINE: usize = 80;
 pub struct Grbl {
     options: Options,
     axis: Axis,
-    mouth: Mouth,
+    responses: ResponseQueue,
     strikes: Strikes,
     line: String,
     /// Targets in units of the movements that follow.
@@ -82,7 +82,7 @@ impl Grbl {
     pub fn new(port: Box<dyn Port>, options: Options) -> Self {
         Self {
             axis: Axis::new(port),
-            mouth: Mouth::new(Duration::from_millis(options.late_ms)),
+            responses: ResponseQueue::new(Duration::from_millis(options.late_ms)),
             strikes: Strikes::new(options.faults.clone()),
             line: String::new(),
             queue: VecDeque::new(),
@@ -105,13 +105,13 @@ impl Grbl {
         match fault {
             Some(ByteFaultKind::NoAnswer) => Err(None),
             Some(ByteFaultKind::Dropped) => {
-                self.mouth.shut();
+                self.responses.clear();
                 Err(Some(Action::Close))
             }
             Some(ByteFaultKind::Reset) => {
                 self.axis.restart();
                 self.counted = None;
-                self.mouth.shut();
+                self.responses.clear();
                 self.locked = self.options.homes;
                 self.start();
                 Err(None)
@@ -130,9 +130,9 @@ impl Grbl {
         self.line.clear();
         (self.target, self.homing, self.jogging) = (None, None, false);
         (self.held, self.checking, self.stuck, self.reports) = (false, false, false, 0);
-        self.mouth.say(None, "\r\nGrbl 1.1h ['$' for help]\r\n");
+        self.responses.push(None, "\r\nGrbl 1.1h ['$' for help]\r\n");
         if self.locked {
-            self.mouth.say(None, "[MSG:'$H'|'$X' to unlock]\r\n");
+            self.responses.push(None, "[MSG:'$H'|'$X' to unlock]\r\n");
         }
     }
 
@@ -141,7 +141,7 @@ impl Grbl {
             self.axis.halt();
             self.locked = true;
             let code = if self.homing.is_some() { 6 } else { 3 };
-            self.mouth.say(None, &format!("ALARM:{code}\r\n"));
+            self.responses.push(None, &format!("ALARM:{code}\r\n"));
         }
         self.start();
     }
@@ -173,7 +173,7 @@ impl Grbl {
         (self.target, self.counted) = (Some(units), None);
         if !self.axis.move_to(units * self.options.degrees_per_unit) {
             self.locked = true;
-            self.mouth.say(None, "ALARM:2\r\n");
+            self.responses.push(None, "ALARM:2\r\n");
         }
     }
 
@@ -203,7 +203,7 @@ impl Grbl {
             _ => String::new(),
         };
         self.reports += 1;
-        self.mouth.say(fault, &format!("<{state}|{kind}:{}|FS:0,0{work}>\r\n", axes(units - start)));
+        self.responses.push(fault, &format!("<{state}|{kind}:{}|FS:0,0{work}>\r\n", axes(units - start)));
     }
 
     fn obey(&mut self, line: &str, fault: Option<ByteFaultKind>) {
@@ -217,8 +217,8 @@ impl Grbl {
         };
         match answer {
             Ok(()) if self.homing.is_some() => self.homing = Some(fault),
-            Ok(()) => self.mouth.say(fault, "ok\r\n"),
-            Err(code) => self.mouth.say(fault, &format!("error:{code}\r\n")),
+            Ok(()) => self.responses.push(fault, "ok\r\n"),
+            Err(code) => self.responses.push(fault, &format!("error:{code}\r\n")),
         }
     }
 
@@ -226,7 +226,7 @@ impl Grbl {
         match line {
             "" | "$$" | "$G" => Ok(()),
             "$I" => {
-                self.mouth.say(None, "[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n");
+                self.responses.push(None, "[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n");
                 Ok(())
             }
             "$X" => {
@@ -326,23 +326,23 @@ impl Emulator for Grbl {
                 return vec![action];
             }
         }
-        self.mouth.speak()
+        self.responses.due()
     }
 
     fn tick(&mut self) -> Vec<Action> {
         let progress = self.axis.progress();
         if progress == Progress::Failed {
             self.locked = true;
-            self.mouth.say(None, "ALARM:1\r\n");
+            self.responses.push(None, "ALARM:1\r\n");
         }
         if progress == Progress::Done {
             self.counted = self.target;
             if let Some(fault) = self.homing.take() {
                 self.counted = Some(0.0);
-                self.mouth.say(fault, "ok\r\n");
+                self.responses.push(fault, "ok\r\n");
             }
             self.follow();
         }
-        self.mouth.speak()
+        self.responses.due()
     }
 }

@@ -10,10 +10,10 @@ pub mod elliptec;
 mod fault;
 pub mod grbl;
 mod lamp;
-mod mouth;
 mod pty;
 mod relay;
 mod reports;
+mod response_queue;
 
 pub use blink1::Blink1Emulator;
 pub use bulk::BulkEmulator;

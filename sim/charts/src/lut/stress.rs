@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn studies_show_what_the_docs_say() {
+    fn studies_agree_with_the_docs() {
         // A zero order given with an error costs the predicted error within 20 %; an estimated zero order does not.
         for off in [0.05, 0.5, 2.0] {
             let ([wrong, said], [found, _]) = (outcome(center(), 1, off), outcome(center(), 0, off));

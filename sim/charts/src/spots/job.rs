@@ -7,7 +7,7 @@ use nacre_base::{Error, Result};
 use nacre_drivers::Pattern;
 use nacre_frames::{Distances, Frame, FrameSet, Fringes, Kind, save};
 use nacre_image::{read_exr, write_png16_gray};
-use nacre_periods::spots::{Report, Settings, frequencies, reconstruct};
+use nacre_periods::fringes::{Report, Settings, frequencies, reconstruct};
 use nacre_polarimetry::{NoiseModel, angle_difference};
 use nacre_sim::BenchConfig;
 use nacre_sim::Truth;
@@ -79,19 +79,19 @@ pub fn bench(seed: u64, pixels: u32) -> BenchConfig {
 /// # Errors
 /// As [`reconstruct`]; `Output` if the folder is not writable.
 pub fn judged(config: &BenchConfig, shown: &Shown, settings: &Settings, folder: &Path) -> Result<Judged> {
-    judged_as_told(config, config, shown, settings, folder)
+    judged_with_nominal_bench(config, config, shown, settings, folder)
 }
 
 /// As [`judged`], but `frames.json` describes another bench.
-pub(super) fn judged_as_told(
+pub(super) fn judged_with_nominal_bench(
     config: &BenchConfig,
-    told: &BenchConfig,
+    nominal: &BenchConfig,
     shown: &Shown,
     settings: &Settings,
     folder: &Path,
 ) -> Result<Judged> {
     let mut bench = Bench::new(config, &Silent)?;
-    photograph(&mut bench, told, shown, folder)?;
+    photograph(&mut bench, nominal, shown, folder)?;
     let begun = Instant::now();
     let out = folder.join("result");
     let report = reconstruct(folder, &out, settings, &Silent)?;

@@ -6,7 +6,7 @@ mod job;
 pub use job::{Judged, Shown, bench, judged, photograph};
 
 use nacre_base::{Error, Result};
-use nacre_periods::spots::Settings;
+use nacre_periods::fringes::Settings;
 use nacre_sim::BenchConfig;
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 
@@ -18,7 +18,7 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
 /// One run: the true bench, the bench described in `frames.json`, the fringes and the options.
 struct Run {
     bench: BenchConfig,
-    told: BenchConfig,
+    nominal: BenchConfig,
     shown: Shown,
     settings: Settings,
 }
@@ -26,12 +26,13 @@ struct Run {
 impl Run {
     fn new(seed: u64, pixels: u32) -> Self {
         let bench = bench(seed, pixels);
-        Self { told: bench.clone(), bench, shown: Shown::default(), settings: Settings::default() }
+        Self { nominal: bench.clone(), bench, shown: Shown::default(), settings: Settings::default() }
     }
 
     fn outcome(&self) -> Result<Outcome> {
         let folder = tempfile::tempdir().map_err(|e| Error::output(&std::env::temp_dir(), e))?;
-        let found = job::judged_as_told(&self.bench, &self.told, &self.shown, &self.settings, folder.path())?;
+        let found =
+            job::judged_with_nominal_bench(&self.bench, &self.nominal, &self.shown, &self.settings, folder.path())?;
         let percent = |v: f64| Some(100.0 * v).filter(|v| v.is_finite());
         Ok(Outcome {
             error: percent(found.period),
@@ -115,7 +116,7 @@ fn patterns(effort: Effort) -> Study {
             run.bench.camera.well_e = electrons;
             // The photon rate is unchanged. Read noise is 8 electrons, at most 1 % of the well capacity.
             run.bench.camera.read_noise_e = 8.0_f64.min(0.01 * electrons);
-            run.told.camera = run.bench.camera.clone();
+            run.nominal.camera = run.bench.camera.clone();
         },
     }
     .study(effort)
@@ -135,7 +136,7 @@ fn geometry(effort: Effort) -> Study {
         settings: vec![("0.2°", 0.2), ("0.02°", 0.02), ("1°", 1.0)],
         change: |deg, moved, run| {
             run.settings.mirror_deg = deg;
-            run.told.geometry.baseline_mm = run.bench.geometry.baseline_mm - moved;
+            run.nominal.geometry.baseline_mm = run.bench.geometry.baseline_mm - moved;
         },
     }
     .study(effort)
@@ -195,7 +196,7 @@ fn reach(effort: Effort) -> Study {
         change: |baseline, period, run| {
             run.bench.sample.period_um = Some(period);
             run.bench.geometry.baseline_mm = baseline;
-            run.told.geometry.baseline_mm = baseline;
+            run.nominal.geometry.baseline_mm = baseline;
             run.settings.periods_um = [0.3, 5.0];
         },
     }

@@ -1,6 +1,6 @@
 //! Study of the coherence length: widths and heights of lobes against closed forms.
 
-use super::stress::{METHODS, NAMES, Stress, refused, said};
+use super::stress::{METHODS, NAMES, Stress, outcome_with_prediction, refused};
 use libm::jn;
 use nacre_base::Result;
 use nacre_base::progress::Silent;
@@ -77,7 +77,10 @@ pub(super) fn study() -> Stress {
                     error = error.max((found.values[k * theta.len() + j] - truth).abs() / truth.max(floor));
                 }
             }
-            Ok(Outcome { seconds: (done - begun).as_secs_f64(), ..said(error, found.error_estimate, begun) })
+            Ok(Outcome {
+                seconds: (done - begun).as_secs_f64(),
+                ..outcome_with_prediction(error, found.error_estimate, begun)
+            })
         },
     }
 }

@@ -85,7 +85,7 @@ pub(super) fn plain(error: f64, begun: Instant) -> Outcome {
 }
 
 /// An outcome with a predicted error.
-pub(super) fn said(error: f64, predicted: f64, begun: Instant) -> Outcome {
+pub(super) fn outcome_with_prediction(error: f64, predicted: f64, begun: Instant) -> Outcome {
     let wrong = f64::from(u8::from(error.is_nan() || error > 5.0 * predicted));
     Outcome { wrong, predicted: Some(predicted), ..plain(error, begun) }
 }
@@ -228,7 +228,7 @@ fn near(depth_um: f64, theta: &[f64], order: Option<usize>, method: Method) -> R
             error = error.max((a - b).abs() / b.max(floor));
         }
     }
-    Ok(Outcome { seconds: (done - begun).as_secs_f64(), ..said(error, found.error_estimate, begun) })
+    Ok(Outcome { seconds: (done - begun).as_secs_f64(), ..outcome_with_prediction(error, found.error_estimate, begun) })
 }
 
 fn mirror() -> Stress {
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn studies_show_what_the_docs_say() {
+    fn studies_agree_with_the_docs() {
         // Scalar theory fails at fine periods but not at coarse ones; second-order lobes gain light everywhere.
         let all = rigorous();
         assert!(error(&all, 0, 5.0) < 1e-4 && error(&all, 0, 0.6) > 0.1);

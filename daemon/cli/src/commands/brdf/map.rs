@@ -6,7 +6,7 @@ use crate::console::Console;
 use nacre_base::operation::{Operation, Summary};
 use nacre_base::progress::Progress;
 use nacre_base::vacant;
-use nacre_brdf::MapOptions;
+use nacre_brdf::Options;
 use nacre_brdf::output::{write_map, write_picture};
 use nacre_capture::Failure;
 use std::path::PathBuf;
@@ -32,7 +32,7 @@ pub struct Map {
     #[arg(long, value_name = "FILE.exr")]
     out: PathBuf,
     #[command(flatten)]
-    options: Flags<MapOptions>,
+    options: Flags<Options>,
     /// Replace existing files.
     #[arg(long)]
     force: bool,

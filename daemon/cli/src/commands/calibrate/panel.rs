@@ -1,11 +1,11 @@
 //! `nacre calibrate panel`.
 
 use crate::commands::bench::BenchArgs;
-use crate::commands::manual::with_hands;
+use crate::commands::manual::with_controller;
 use crate::console::Console;
 use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
-use nacre_capture::engine::{Hands, LEVELS, drawn_by, measure_panel};
+use nacre_capture::engine::{BenchController, LEVELS, drawn_by, measure_panel};
 use nacre_capture::rig::{Use, Uses};
 use nacre_drivers::display::POWER_LAW;
 use nacre_image::write_whole;
@@ -47,9 +47,10 @@ impl Panel {
         let place = self.bench.place()?;
         let display = place.section.display.as_ref();
         let drawn = display.and_then(drawn_by);
-        let work = async |hands: &mut Hands<'_>| measure_panel(hands, self.levels, drawn, console).await;
+        let work =
+            async |controller: &mut BenchController<'_>| measure_panel(controller, self.levels, drawn, console).await;
         let uses = Uses { camera: Use::Always, display: Use::Always, ..Uses::NONE };
-        let found = with_hands(&place, uses, console, work)?;
+        let found = with_controller(&place, uses, console, work)?;
         let (tone, advice) = (found.tone(), found.advice(display));
         let mut json = serde_json::to_value(&found).map_err(|e| Error::output(&self.out, e.into()))?;
         json["tone"] = serde_json::to_value(&tone).map_err(|e| Error::output(&self.out, e.into()))?;

@@ -9,7 +9,7 @@ use clap::{Subcommand, ValueEnum};
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_image::OutputFolder;
-use nacre_maps::{About, Edits, Encoding, Maps, export, import};
+use nacre_maps::{About, Encoding, Maps, Options, export, import};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 #[derive(Subcommand)]
 pub enum MapCommand {
     /// Edit maps: rotate, tile, resize, or derive periods from orientations.
-    Edit(Whole<Edits>),
+    Edit(Whole<Options>),
     /// Export maps as 16-bit PNGs with a JSON description.
     Export(Export),
     /// Import an exported folder.

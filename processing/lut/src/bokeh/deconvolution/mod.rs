@@ -213,7 +213,7 @@ impl Deconvolution {
         let (measured, weights, counted) = (&self.measured, self.weights, &self.counted);
         let works = self.ratio.bands().map(|out| Ratio { measured, out, weights, counted, misfit: [0.0; 2] });
         let [weighted, plain] = self.blur.apply(&self.estimate, false, works).map(|sum| sum / self.known.max(1) as f64);
-        let [expected, unspent] = self.freedom.left();
+        let [expected, unspent] = self.freedom.unused();
         Misfit { found: weighted, expected, cost: plain / self.freedom.variance() - 2.0 * unspent }
     }
 
@@ -223,7 +223,7 @@ impl Deconvolution {
         self.iterations += 1;
         let Some(Leaps { now, before, step }) = &mut self.leaps else {
             self.blur.apply(&self.ratio, true, self.estimate.bands().map(|estimate| Update { estimate, gain }));
-            self.freedom.spend(0.0);
+            self.freedom.account(0.0);
             return;
         };
         std::mem::swap(now, before);
@@ -241,7 +241,7 @@ impl Deconvolution {
                 band.row(y).iter_mut().zip(on).for_each(|(v, on)| *v = on);
             }
         });
-        self.freedom.spend(far.into());
+        self.freedom.account(far.into());
     }
 
     /// Number of completed iterations.

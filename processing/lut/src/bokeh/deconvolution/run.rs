@@ -83,7 +83,7 @@ pub fn deconvolve(
     let mut run = Deconvolution::new(image, psf, noise, method)?;
     progress.stage("deconvolving", most as u64);
     if auto {
-        return likeliest(&mut run, most, progress);
+        return best_estimate(&mut run, most, progress);
     }
     let mut last = None;
     while run.iterations() < most {
@@ -97,7 +97,7 @@ pub fn deconvolve(
 }
 
 /// Among at most `most` iterations, returns the estimate with the lowest expected prediction error.
-fn likeliest(run: &mut Deconvolution, most: usize, progress: &dyn Progress) -> Result<Deconvolved> {
+fn best_estimate(run: &mut Deconvolution, most: usize, progress: &dyn Progress) -> Result<Deconvolved> {
     let mut least = f64::INFINITY;
     let mut best = Deconvolved { light: vec![], iterations: 0, converged: false, misfit: 0.0, expected: 0.0 };
     run.compare();

@@ -19,7 +19,7 @@ const FREQUENCIES: usize = 32;
 const SPEEDS: [f64; 6] = [0.02, 0.1, 0.3, 0.6, 0.9, 1.0];
 
 /// Remaining fraction of the residual at each frequency.
-type Left = Vec<f64>;
+type Remaining = Vec<f64>;
 
 /// Unused degrees of freedom.
 pub(super) struct Freedom {
@@ -29,9 +29,9 @@ pub(super) struct Freedom {
     /// Mean variance.
     variance: f64,
     /// For the estimate, the previous estimate, and the extrapolated start of the next iteration.
-    now: [Left; 6],
-    before: [Left; 6],
-    start: [Left; 6],
+    now: [Remaining; 6],
+    before: [Remaining; 6],
+    start: [Remaining; 6],
 }
 
 impl Freedom {
@@ -47,7 +47,7 @@ impl Freedom {
             shares[1][nearest] += f64::from(slope * light.max(0.0) + rest);
         }
         let sums = shares.map(|s| s.iter().sum::<f64>().max(f64::MIN_POSITIVE));
-        let all: [Left; 6] = std::array::from_fn(|_| vec![1.0; power.len()]);
+        let all: [Remaining; 6] = std::array::from_fn(|_| vec![1.0; power.len()]);
         Self {
             power,
             variance: sums[1] / sums[0],
@@ -69,14 +69,14 @@ impl Freedom {
     }
 
     /// Unused fraction of degrees of freedom at the start of the next iteration, weighted by pixels and by variance.
-    pub(super) fn left(&self) -> [f64; 2] {
-        let mean = |left: &Left| left.iter().sum::<f64>() / left.len().max(1) as f64;
+    pub(super) fn unused(&self) -> [f64; 2] {
+        let mean = |left: &Remaining| left.iter().sum::<f64>() / left.len().max(1) as f64;
         let means = self.start.each_ref().map(mean);
         self.shares.map(|shares| shares.iter().zip(means).map(|(share, left)| share * left).sum())
     }
 
     /// Accounts for one iteration, followed by an extrapolation by `extrapolation` times the last step.
-    pub(super) fn spend(&mut self, extrapolation: f64) {
+    pub(super) fn account(&mut self, extrapolation: f64) {
         for (k, speed) in SPEEDS.iter().enumerate() {
             let next =
                 self.start[k].iter().zip(&self.power).map(|(left, power)| left * (1.0 - speed * power)).collect();

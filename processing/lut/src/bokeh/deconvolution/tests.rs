@@ -62,7 +62,7 @@ fn furthest(found: &[f32], truth: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_gaussian_gives_what_scikit_image_gives() {
+fn a_gaussian_agrees_with_scikit_image() {
     for (size, sigma, radius) in [([57, 41], 2.0, 7), ([33, 70], 1.1, 4), ([128, 33], 3.0, 15), ([9, 9], 1.0, 4)] {
         let image: Vec<f64> = (0..size[0] * size[1]).map(|i| 0.05 + 0.9 * noise(3, i)).collect();
         let truth = reference(&image, size, &gaussian(sigma, radius), [2 * radius + 1; 2], 20);
@@ -74,7 +74,7 @@ fn a_gaussian_gives_what_scikit_image_gives() {
 }
 
 #[test]
-fn a_lopsided_function_gives_what_scikit_image_gives() {
+fn an_asymmetric_function_agrees_with_scikit_image() {
     let size = [48, 37];
     let shape = [7, 11];
     let image: Vec<f64> = (0..size[0] * size[1]).map(|i| 0.05 + 0.9 * noise(4, i)).collect();
@@ -196,24 +196,24 @@ fn it_stops_before_it_fits_the_noise() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn invalid_input_is_refused() {
     let light = vec![0.5_f32; 64];
     let image = Image { width: 8, height: 8, light: &light };
     let (psf, method) = (Psf::gaussian_within(0.8, 3).unwrap(), Method::default());
-    let said = |image: &Image, psf: &Psf, iterations| {
+    let refusal = |image: &Image, psf: &Psf, iterations| {
         deconvolve(image, psf, None, &method, iterations, &Silent).unwrap_err().to_string()
     };
     for sigma in [0.0, -1.0, f64::NAN, 1e9] {
         assert!(Psf::gaussian(sigma).is_err());
     }
-    assert!(said(&image, &Psf::gaussian(2.0).unwrap(), Iterations::Count(3)).contains("17 x 17"));
-    assert!(said(&image, &psf, Iterations::Count(0)).contains("is 0"));
-    assert!(said(&image, &psf, Iterations::Auto(9)).contains("noise"));
+    assert!(refusal(&image, &Psf::gaussian(2.0).unwrap(), Iterations::Count(3)).contains("17 x 17"));
+    assert!(refusal(&image, &psf, Iterations::Count(0)).contains("is 0"));
+    assert!(refusal(&image, &psf, Iterations::Auto(9)).contains("noise"));
     for value in [0.0, f32::NAN, -1.0] {
         let light = [value; 64];
-        said(&Image { light: &light, ..image }, &psf, Iterations::Count(3));
+        refusal(&Image { light: &light, ..image }, &psf, Iterations::Count(3));
     }
-    said(&Image { width: 0, height: 0, light: &[] }, &psf, Iterations::Count(3));
+    refusal(&Image { width: 0, height: 0, light: &[] }, &psf, Iterations::Count(3));
     for (width, value) in [(2, 1.0), (3, 0.0), (3, -1.0), (3, f32::NAN)] {
         let raster = Raster { width, height: 3, channels: 1, samples: Samples::F32(vec![value; 3 * width]) };
         assert!(Psf::image(&raster).is_err());

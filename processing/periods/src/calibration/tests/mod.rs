@@ -103,7 +103,7 @@ fn a_known_camera_is_found_within_its_uncertainty() {
 }
 
 #[test]
-fn what_does_not_tell_a_camera_is_refused() {
+fn photographs_that_do_not_determine_a_camera_are_refused() {
     let camera = Camera { distortion: [0.0; 5], ..webcam() };
     // Frontal views only: distance and focal length are degenerate.
     let flat: Vec<(PathBuf, Vec<[f64; 2]>)> = (0..6)

@@ -6,20 +6,20 @@ use super::refine::thinned;
 use rayon::prelude::*;
 
 /// Minimum number of interior pixels for a fit of an area's, or half an area's, individual grating.
-const FEWEST: usize = 8;
+const MIN_PIXELS: usize = 8;
 
 /// Systematic shift of a grating observed from one side, relative to the lobe's width, from non-Gaussian lobes.
 pub(super) const SHAPE: f64 = 0.1;
 
 /// Minimum number of areas for a test of gradual change.
-const FEWEST_AREAS: usize = 6;
+const MIN_AREAS: usize = 6;
 
 /// Maximum useful standard deviation of an area's individual grating, relative to the lobe's width.
-const VAGUE: f64 = 0.4;
+const MAX_SIGMA: f64 = 0.4;
 
 /// χ² (two degrees of freedom) above which an area's individual grating differs from the shared one (chance probability
 /// 1/3000).
-const OTHER: f64 = 16.0;
+const DIFFERENCE_CHI2: f64 = 16.0;
 
 /// Side in pixels of a square within one area that must contain a pixel. Beside edges, and where the next tile
 /// overlaps, all copies of narrower parts of an area may show the neighbouring polygon.
@@ -51,7 +51,7 @@ impl Area {
 
 /// Result of the test of one area.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Told {
+pub(super) struct AreaTest {
     /// Angle in rad from the shared to the individual grating, and relative difference of their lengths; `None` without
     /// a fit.
     pub own: Option<[f64; 2]>,
@@ -93,24 +93,24 @@ pub(super) fn areas(of: &[Option<usize>], width: usize) -> Vec<Area> {
 
 /// Fits each area's individual grating. `kept` holds, for interior pixels, the copies near the lobes of the shared
 /// grating.
-pub(super) fn told(
+pub(super) fn area_tests(
     areas: &[Area],
     gratings: &[Solution],
     kept: &[Option<Vec<Copy>>],
     size: [usize; 2],
     prior: &Prior,
     lobe: f64,
-) -> Vec<Told> {
+) -> Vec<AreaTest> {
     let of = |area: &Area| {
         let shared = &gratings[area.grating];
         let whole: Vec<usize> = area.pixels.iter().copied().filter(|i| kept[*i].is_some()).collect();
         let own = |pixels: &[usize]| own(pixels, shared, kept, prior, lobe);
-        let Some(all) = own(&whole) else { return Told::default() };
-        let mut told = Told {
+        let Some(all) = own(&whole) else { return AreaTest::default() };
+        let mut area_tests = AreaTest {
             own: Some([turn(all.vector, shared.vector), length(all.vector) / length(shared.vector) - 1.0]),
-            ..Told::default()
+            ..AreaTest::default()
         };
-        told.other[0] = all.from(shared.vector, [0.0; 3]) > OTHER;
+        area_tests.other[0] = all.from(shared.vector, [0.0; 3]) > DIFFERENCE_CHI2;
         for axis in 0..2 {
             let at = |i: usize| if axis == 0 { i % size[0] } else { i / size[0] };
             let mut sorted = whole.clone();
@@ -118,25 +118,25 @@ pub(super) fn told(
             let (low, high) = sorted.split_at(sorted.len() / 2);
             if let (Some(low), Some(high)) = (own(low), own(high)) {
                 let longer = length(high.vector) / length(low.vector) - 1.0;
-                told.halves[axis] = Some([turn(high.vector, low.vector), longer]);
-                told.other[1] |= low.from(high.vector, high.covariance) > OTHER;
+                area_tests.halves[axis] = Some([turn(high.vector, low.vector), longer]);
+                area_tests.other[1] |= low.from(high.vector, high.covariance) > DIFFERENCE_CHI2;
             }
         }
-        told
+        area_tests
     };
     areas.par_iter().map(of).collect()
 }
 
 /// Significance, in standard deviations, of a gradual change of gratings over the tile. If they change gradually,
 /// halves of all areas differ in the same sense, and individual gratings depend on position.
-pub(super) fn gradual(areas: &[Area], told: &[Told], width: usize) -> f64 {
+pub(super) fn gradual_change_sigmas(areas: &[Area], area_tests: &[AreaTest], width: usize) -> f64 {
     let middle = |area: &Area, axis: usize| {
         let at = |i: &usize| if axis == 0 { i % width } else { i / width };
         area.pixels.iter().map(at).sum::<usize>() as f64 / area.pixels.len() as f64
     };
     let off = |axis: usize, k: usize| {
-        let halves: Vec<f64> = told.iter().filter_map(|t| t.halves[axis]).map(|h| h[k]).collect();
-        let places = areas.iter().zip(told).filter_map(|(a, t)| Some([middle(a, axis), t.own?[k]]));
+        let halves: Vec<f64> = area_tests.iter().filter_map(|t| t.halves[axis]).map(|h| h[k]).collect();
+        let places = areas.iter().zip(area_tests).filter_map(|(a, t)| Some([middle(a, axis), t.own?[k]]));
         from_zero(&halves).max(slope(&places.collect::<Vec<_>>()))
     };
     [[0, 0], [0, 1], [1, 0], [1, 1]].into_iter().map(|[axis, k]| off(axis, k)).fold(0.0, f64::max)
@@ -147,7 +147,7 @@ fn from_zero(all: &[f64]) -> f64 {
     let count = all.len() as f64;
     let mean = all.iter().sum::<f64>() / count;
     let squares: f64 = all.iter().map(|v| (v - mean).powi(2)).sum();
-    if all.len() < FEWEST_AREAS || squares == 0.0 { 0.0 } else { mean.abs() / (squares / (count - 1.0) / count).sqrt() }
+    if all.len() < MIN_AREAS || squares == 0.0 { 0.0 } else { mean.abs() / (squares / (count - 1.0) / count).sqrt() }
 }
 
 /// Slope of a fitted line over its standard deviation.
@@ -157,7 +157,7 @@ fn slope(all: &[[f64; 2]]) -> f64 {
     let sum = |j: usize, k: usize| all.iter().map(|p| (p[j] - mean[j]) * (p[k] - mean[k])).sum::<f64>();
     let (xx, xy, yy) = (sum(0, 0), sum(0, 1), sum(1, 1));
     let left = yy - xy * xy / xx;
-    if all.len() < FEWEST_AREAS || left.is_nan() || left <= 0.0 {
+    if all.len() < MIN_AREAS || left.is_nan() || left <= 0.0 {
         0.0
     } else {
         xy.abs() / (xx * left / (count - 2.0)).sqrt()
@@ -165,13 +165,19 @@ fn slope(all: &[[f64; 2]]) -> f64 {
 }
 
 /// A grating fitted to some pixels, with its covariance.
-struct Own {
+struct Individual {
     vector: [f64; 2],
     covariance: [f64; 3],
 }
 
-fn own(pixels: &[usize], shared: &Solution, kept: &[Option<Vec<Copy>>], prior: &Prior, lobe: f64) -> Option<Own> {
-    if pixels.len() < FEWEST {
+fn own(
+    pixels: &[usize],
+    shared: &Solution,
+    kept: &[Option<Vec<Copy>>],
+    prior: &Prior,
+    lobe: f64,
+) -> Option<Individual> {
+    if pixels.len() < MIN_PIXELS {
         return None;
     }
     let all = thinned(pixels.iter().filter_map(|i| kept[*i].clone()).collect());
@@ -179,11 +185,11 @@ fn own(pixels: &[usize], shared: &Solution, kept: &[Option<Vec<Copy>>], prior: &
     let scale = (found.cost / (all.len() as f64 - 4.0).max(1.0)).max(1.0);
     let floor = (SHAPE * lobe).powi(2);
     let [xx, xy, yy] = found.covariance.map(|c| c * scale);
-    let known = xx.max(yy).sqrt() < VAGUE * lobe;
-    known.then_some(Own { vector: found.vector, covariance: [xx + floor, xy, yy + floor] })
+    let known = xx.max(yy).sqrt() < MAX_SIGMA * lobe;
+    known.then_some(Individual { vector: found.vector, covariance: [xx + floor, xy, yy + floor] })
 }
 
-impl Own {
+impl Individual {
     /// Squared Mahalanobis distance from another vector.
     fn from(&self, other: [f64; 2], more: [f64; 3]) -> f64 {
         let [xx, xy, yy] = [0, 1, 2].map(|k| self.covariance[k] + more[k]);
@@ -206,12 +212,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gradual_change_is_told_from_scatter() {
+    fn a_gradual_change_is_distinguished_from_scatter() {
         let area = |k: usize| Area { grating: k % 4, pixels: vec![k, k + 1] };
         let areas: Vec<Area> = (0..20).map(area).collect();
         let with = |of: &dyn Fn(usize) -> f64| -> f64 {
-            let told = |k: usize| Told { own: Some([0.0, of(k)]), ..Told::default() };
-            gradual(&areas, &(0..20).map(told).collect::<Vec<_>>(), 100)
+            let area_tests = |k: usize| AreaTest { own: Some([0.0, of(k)]), ..AreaTest::default() };
+            gradual_change_sigmas(&areas, &(0..20).map(area_tests).collect::<Vec<_>>(), 100)
         };
         let scatter = |k: usize| 0.01 * f64::from(((k as u32).wrapping_mul(2_654_435_761) >> 16) % 100) / 100.0;
         assert!(with(&scatter) < 3.0, "{}", with(&scatter));

@@ -11,14 +11,14 @@ mod judge;
 mod refine;
 mod vote;
 
-use super::agree::firm;
-use super::decide::groups;
-use super::fit::{Found, Grating, Outside, Why};
+use super::fit::{DiffractedCopies, Found, Grating, MaskReason};
+use super::period_selection::groups;
 use super::reconstruct::{Fitted, Job};
+use super::regularisation::interior;
 use super::report::{DirectionsReport, PeriodReport};
 use super::settings::{Directions, Settings};
 use super::solve::{Copy, Prior, Solution};
-use evidence::{Area, SHAPE, Told, areas, gradual, told};
+use evidence::{Area, AreaTest, SHAPE, area_tests, areas, gradual_change_sigmas};
 use judge::{best, near};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
@@ -82,8 +82,9 @@ pub(super) fn refit(job: &Job, mut free: Fitted, settings: &Settings, progress: 
             free.directions = refused(why);
             // With few copies near lobes, two gratings at one position resemble a third one.
             if why == NOTHING && sparse(job, &free) {
-                let none =
-                    |f: &mut Found| *f = if let Found::Grating(_) = f { Found::Masked(Why::Unexplained) } else { *f };
+                let none = |f: &mut Found| {
+                    *f = if let Found::Grating(_) = f { Found::Masked(MaskReason::Unexplained) } else { *f }
+                };
                 free.found.iter_mut().for_each(none);
             }
             Ok(free)
@@ -103,9 +104,9 @@ fn sparse(job: &Job, free: &Fitted) -> bool {
 /// Shared gratings, their pixels, and the areas that these form.
 struct Sheet {
     gratings: Vec<Solution>,
-    of: Vec<std::result::Result<usize, Why>>,
+    of: Vec<std::result::Result<usize, MaskReason>>,
     areas: Vec<Area>,
-    told: Vec<Told>,
+    area_tests: Vec<AreaTest>,
     /// Width of the map in pixels.
     columns: usize,
     /// Typical width of a lobe.
@@ -120,7 +121,7 @@ struct Place {
 }
 
 /// Grating of a pixel; for interior pixels, the copies near its lobes; whether the pixel is lit.
-type Judged = (std::result::Result<usize, Why>, Option<Vec<Copy>>, bool);
+type Judged = (std::result::Result<usize, MaskReason>, Option<Vec<Copy>>, bool);
 
 impl Sheet {
     /// Searches for shared gratings.
@@ -142,14 +143,14 @@ impl Sheet {
         let size = [job.tiling.width, job.tiling.height];
         let thin = size[0] * size[1] * 6 / MOST_KEPT + 1;
         let pixel = |x: usize, observed: &[_]| -> Judged {
-            let outside = match Outside::of(observed, &free.lobe) {
-                Ok(outside) if outside.is_dark() => return (Err(Why::Dark), None, false),
-                Ok(outside) => outside,
+            let diffracted = match DiffractedCopies::of(observed, &free.lobe) {
+                Ok(diffracted) if diffracted.is_dark() => return (Err(MaskReason::Dark), None, false),
+                Ok(diffracted) => diffracted,
                 Err(why) => return (Err(why), None, false),
             };
-            let copies = outside.over(unit);
-            let Some(best) = best(&copies, &gratings) else { return (Err(Why::Unexplained), None, true) };
-            if let Some(why) = best.doubt() {
+            let copies = diffracted.normalised(unit);
+            let Some(best) = best(&copies, &gratings) else { return (Err(MaskReason::Unexplained), None, true) };
+            if let Some(why) = best.mask_reason() {
                 return (Err(why), None, true);
             }
             let whole = WHOLE.contains(&best.amount) && x.is_multiple_of(thin);
@@ -158,18 +159,20 @@ impl Sheet {
         };
         let judged = job.rows(progress, &pixel)?;
         let lit = judged.iter().filter(|j| j.2).count();
-        let of: Vec<std::result::Result<usize, Why>> = judged.iter().map(|j| j.0).collect();
+        let of: Vec<std::result::Result<usize, MaskReason>> = judged.iter().map(|j| j.0).collect();
         let kept: Vec<Option<Vec<Copy>>> = judged.into_iter().map(|j| j.1).collect();
         let areas = areas(&of.iter().map(|o| o.ok()).collect::<Vec<_>>(), size[0]);
-        let told = told(&areas, &gratings, &kept, size, &prior, width);
+        let area_tests = area_tests(&areas, &gratings, &kept, size, &prior, width);
         let explained = of.iter().filter(|o| o.is_ok()).count() as f64 / lit.max(1) as f64;
         let report = DirectionsReport { choice: Directions::Shared, explained, ..DirectionsReport::default() };
-        Ok(Ok(Self { gratings, of, areas, told, columns: size[0], width, report }))
+        Ok(Ok(Self { gratings, of, areas, area_tests, columns: size[0], width, report }))
     }
 
     /// True if an area is large enough and its individual grating agrees with the shared one.
     fn confirmed(&self, k: usize) -> bool {
-        self.areas[k].pixels.len() >= SMALLEST && self.told[k].own.is_some() && self.told[k].other == [false; 2]
+        self.areas[k].pixels.len() >= SMALLEST
+            && self.area_tests[k].own.is_some()
+            && self.area_tests[k].other == [false; 2]
     }
 
     /// Confirmed areas whose grating also occurs in other areas.
@@ -193,24 +196,24 @@ impl Sheet {
     ///
     /// The error is the reason for rejection.
     fn judged(mut self, settings: &Settings) -> std::result::Result<Self, &'static str> {
-        let asked: Vec<usize> = (0..self.areas.len()).filter(|k| self.told[*k].own.is_some()).collect();
+        let tested: Vec<usize> = (0..self.areas.len()).filter(|k| self.area_tests[*k].own.is_some()).collect();
         let weight = |all: &[usize]| all.iter().map(|k| self.areas[*k].pixels.len()).sum::<usize>() as f64;
-        let confirmed: Vec<usize> = asked.iter().copied().filter(|k| self.confirmed(*k)).collect();
-        let agree = weight(&confirmed) / weight(&asked).max(1.0);
+        let confirmed: Vec<usize> = tested.iter().copied().filter(|k| self.confirmed(*k)).collect();
+        let agree = weight(&confirmed) / weight(&tested).max(1.0);
         let mut with: Vec<usize> = confirmed.iter().map(|k| self.areas[*k].grating).collect();
         with.sort_unstable();
         with.dedup();
         let sharing = self.sharing();
         let turns = sharing.iter().flat_map(|k| {
-            let told = &self.told[*k];
-            let halves = told.halves.iter().flatten().map(|t| 0.5 * t[0]);
-            told.own.iter().map(|o| o[0]).chain(halves)
+            let area_tests = &self.area_tests[*k];
+            let halves = area_tests.halves.iter().flatten().map(|t| 0.5 * t[0]);
+            area_tests.own.iter().map(|o| o[0]).chain(halves)
         });
         let squares: Vec<f64> = turns.map(|t| t * t).collect();
         let scatter = self.freedom() * (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
         let count = with.len();
         let report = &mut self.report;
-        (report.areas, report.agree, report.scatter_deg) = (asked.len(), agree, scatter.to_degrees());
+        (report.areas, report.agree, report.scatter_deg) = (tested.len(), agree, scatter.to_degrees());
         if sharing.is_empty() {
             return Err("no area confirms a grating that it shares with others");
         }
@@ -218,7 +221,7 @@ impl Sheet {
             if agree < CONFIRMED {
                 return Err("areas have gratings of their own");
             }
-            if gradual(&self.areas, &self.told, self.columns) > GRADUAL {
+            if gradual_change_sigmas(&self.areas, &self.area_tests, self.columns) > GRADUAL {
                 return Err("gratings change gradually over the tile");
             }
             if report.explained < EXPLAINED {
@@ -246,11 +249,11 @@ impl Sheet {
         let um = |g: &Grating| job.wavelength_nm / 1000.0 / g.length;
         self.report.degrees = all.iter().map(|g| g.orientation.to_degrees()).collect();
         self.report.um = all.iter().map(um).collect();
-        let firm = firm(&free.found, job.tiling.width);
+        let interior = interior(&free.found, job.tiling.width);
         let own = |i: usize| match &free.found[i] {
-            Found::Grating(_) if firm[i] => free.found[i],
+            Found::Grating(_) if interior[i] => free.found[i],
             Found::Masked(why) => Found::Masked(self.of[i].err().unwrap_or(*why)),
-            Found::Grating(_) => Found::Masked(Why::Ambiguous),
+            Found::Grating(_) => Found::Masked(MaskReason::Ambiguous),
         };
         let mut found: Vec<Found> = (0..free.found.len()).map(own).collect();
         for k in sharing {
@@ -272,8 +275,8 @@ impl Sheet {
     ) -> Vec<Grating> {
         let lengths: Vec<f64> = used.iter().map(|k| size(self.gratings[*k].vector)).collect();
         let scatter = {
-            let own = sharing.iter().filter_map(|k| self.told[*k].own).map(|o| o[1]);
-            let halves = sharing.iter().flat_map(|k| self.told[*k].halves).flatten().map(|h| 0.5 * h[1]);
+            let own = sharing.iter().filter_map(|k| self.area_tests[*k].own).map(|o| o[1]);
+            let halves = sharing.iter().flat_map(|k| self.area_tests[*k].halves).flatten().map(|h| 0.5 * h[1]);
             let squares: Vec<f64> = own.chain(halves).map(|v| v * v).collect();
             self.freedom() * (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
         };
@@ -313,15 +316,15 @@ fn places(job: &Job, free: &Fitted) -> Result<(Vec<Place>, f64)> {
     let rows: Vec<usize> = at(job.tiling.height).filter(|y| *y < job.tiling.height).collect();
     let of_row = |y: &usize| {
         let all = job.row(*y, &mut |x, observed| {
-            columns.binary_search(&x).ok().and_then(|_| Outside::of(observed, &free.lobe).ok())
+            columns.binary_search(&x).ok().and_then(|_| DiffractedCopies::of(observed, &free.lobe).ok())
         })?;
         Ok(all.into_iter().flatten().collect::<Vec<_>>())
     };
-    let outside: Result<Vec<Vec<Outside>>> = rows.par_iter().map(of_row).collect();
-    let outside: Vec<Outside> = outside?.into_iter().flatten().collect();
-    let mut bright: Vec<f64> = outside.iter().filter(|o| !o.is_dark()).map(|o| o.brightest).collect();
+    let diffracted: Result<Vec<Vec<DiffractedCopies>>> = rows.par_iter().map(of_row).collect();
+    let diffracted: Vec<DiffractedCopies> = diffracted?.into_iter().flatten().collect();
+    let mut bright: Vec<f64> = diffracted.iter().filter(|o| !o.is_dark()).map(|o| o.brightest).collect();
     let unit = quantile(&mut bright, BRIGHT).unwrap_or(1.0);
-    Ok((outside.iter().map(|o| Place { copies: o.over(unit), lit: !o.is_dark() }).collect(), unit))
+    Ok((diffracted.iter().map(|o| Place { copies: o.normalised(unit), lit: !o.is_dark() }).collect(), unit))
 }
 
 fn quantile(values: &mut [f64], share: f64) -> Option<f64> {

@@ -14,7 +14,7 @@ const FEWEST: usize = 4;
 const LEAST: f64 = 0.005;
 
 /// Maximum number of copies in the fit of a grating.
-const MOST_COPIES: usize = 6000;
+const MAX_COPIES: usize = 6000;
 
 /// Distance relative to the lobe's width below which gratings are merged.
 const SAME: f64 = 0.5;
@@ -49,7 +49,7 @@ pub(super) fn refined(
         let judged: Vec<Option<Best>> = places.par_iter().map(|p| best(p, &gratings)).collect();
         let good = |b: &Best| match round {
             0 | 1 => LOOSE.contains(&b.amount),
-            _ => WHOLE.contains(&b.amount) && b.doubt().is_none(),
+            _ => WHOLE.contains(&b.amount) && b.mask_reason().is_none(),
         };
         let fitted = |k: usize| {
             let own = |(p, b): (&'_ Vec<Copy>, &Option<Best>)| {
@@ -80,7 +80,7 @@ fn inside(grating: &Solution, prior: &Prior) -> bool {
 /// Subsamples copies to the number required for a fit.
 pub(super) fn thinned(all: Vec<Vec<Copy>>) -> Vec<Copy> {
     let count: usize = all.iter().map(Vec::len).sum();
-    all.into_iter().flatten().step_by(count / MOST_COPIES + 1).collect()
+    all.into_iter().flatten().step_by(count / MAX_COPIES + 1).collect()
 }
 
 /// Of merged gratings, keeps the one that explains more copies.

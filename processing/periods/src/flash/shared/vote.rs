@@ -19,7 +19,7 @@ const MOST: usize = 30_000;
 const TOLERANCE: f64 = 0.2;
 
 /// Maximum squared residual of a copy, and that of a lit copy without a grating.
-const MOST_SQUARES: f64 = 16.0;
+const MAX_SQUARES: f64 = 16.0;
 const NONE: f64 = 12.0;
 
 /// Squared signal-to-noise ratio above which a copy is lit.
@@ -42,7 +42,7 @@ const FEWEST: f64 = 4.0;
 const LEAST: f64 = 0.006;
 
 /// Maximum number of vectors.
-const MOST_VECTORS: usize = 64;
+const MAX_VECTORS: usize = 64;
 
 /// First-order light common to all gratings, and stray light, both relative to the unit.
 #[derive(Clone, Copy, Debug)]
@@ -124,7 +124,7 @@ impl Grid {
 
 /// Likelihood of a position's light for each vector and for no grating, relative to the most likely vector.
 fn likelihood(copies: &[Copy], grid: &Grid, level: Level) -> (Vec<f32>, f32) {
-    let dark = |c: &Copy| ((c.light - level.stray).powi(2) * c.weight).min(MOST_SQUARES);
+    let dark = |c: &Copy| ((c.light - level.stray).powi(2) * c.weight).min(MAX_SQUARES);
     let mut all = vec![copies.iter().map(dark).sum::<f64>(); grid.vectors.len()];
     for copy in copies {
         let (before, reach) = (dark(copy), FAR.sqrt() * copy.shape.width());
@@ -162,14 +162,14 @@ fn with(copy: &Copy, lobes: [f64; ORDERS], level: Level) -> f64 {
     let high = low + HIGHER * level.first * lobes[1..].iter().sum::<f64>();
     let off = (low - copy.light).max(copy.light - high).max(0.0);
     let variance = 1.0 / copy.weight + (TOLERANCE * (low - level.stray)).powi(2);
-    (off * off / variance).min(MOST_SQUARES)
+    (off * off / variance).min(MAX_SQUARES)
 }
 
 /// Local maxima of the votes.
 fn peaks(grid: &[[f64; 2]], mut shares: Vec<f64>, width: f64, places: usize) -> Vec<[f64; 2]> {
     let least = (FEWEST / places.max(1) as f64).max(LEAST);
     let mut found = vec![];
-    while found.len() < MOST_VECTORS {
+    while found.len() < MAX_VECTORS {
         let Some(top) = (0..grid.len()).max_by(|a, b| shares[*a].total_cmp(&shares[*b])) else { break };
         let center = grid[top];
         let (mut sum, mut at) = (0.0, [0.0; 2]);

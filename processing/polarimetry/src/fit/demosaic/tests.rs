@@ -9,7 +9,7 @@ fn images([width, height]: [usize; 2], method: Demosaic, mosaic: impl Fn(usize, 
 }
 
 #[test]
-fn what_is_measured_stays_and_slopes_are_exact() {
+fn measured_pixels_are_unchanged_and_slopes_are_exact() {
     let (width, height) = (26, 18);
     // A linear ramp behind each polarizer, with constant differences.
     let light = |x: usize, y: usize, k: usize| 3.0 + 0.25 * x as f32 - 0.125 * y as f32 + [0.0, 1.0, -0.5, 0.75][k];
@@ -60,14 +60,14 @@ fn variances_are_measured() {
         let residual = mean(&|at| (i(3, at) + i(0, at) - i(1, at) - i(2, at)).powi(2) / 4.0);
         let s1 = mean(&|at| (i(3, at) - i(0, at)).powi(2) / 2.0);
         let s2 = mean(&|at| (i(1, at) - i(2, at)).powi(2) / 2.0);
-        let said = method.variances();
+        let stated = method.variances();
         println!("{method:?}: residual {residual:.4}, S1 {s1:.4}, S2 {s2:.4}");
-        for (name, measured, said) in [
-            ("image", image, said.image),
-            ("residual", residual, said.residual),
-            ("stokes", (s1 + s2) / 2.0, said.stokes),
+        for (name, measured, stated) in [
+            ("image", image, stated.image),
+            ("residual", residual, stated.residual),
+            ("stokes", (s1 + s2) / 2.0, stated.stokes),
         ] {
-            assert!((measured / said - 1.0).abs() < 0.03, "{method:?} {name}: {measured}, said {said}");
+            assert!((measured / stated - 1.0).abs() < 0.03, "{method:?} {name}: {measured}, said {stated}");
         }
     }
 }

@@ -12,7 +12,7 @@ mod tilted;
 mod written;
 
 pub use operation::Options;
-pub use parts::{Kind, MOST_RANK, Part, Term};
+pub use parts::{Kind, MAX_RANK, Part, Term};
 pub use report::{PartReport, Report};
 pub use straight::Grid;
 
@@ -60,8 +60,8 @@ impl Settings {
     /// `Input`, which names the option.
     pub fn check(&self) -> Result<()> {
         let bad = |what: &str, problem: String, remedy: String| Err(Error::input(what, problem, remedy));
-        if let Some(rank) = self.rank.filter(|r| !(1..=MOST_RANK).contains(r)) {
-            return bad("rank", format!("is {rank}"), format!("give 1 to {MOST_RANK}"));
+        if let Some(rank) = self.rank.filter(|r| !(1..=MAX_RANK).contains(r)) {
+            return bad("rank", format!("is {rank}"), format!("give 1 to {MAX_RANK}"));
         }
         if !(1e-6..1.0).contains(&self.max_error) {
             return bad("max-error", format!("is {}", self.max_error), "give 0.000001 to 1".into());
@@ -105,7 +105,7 @@ struct Measured {
 }
 
 impl Factors {
-    /// Factorises a table with as many terms as the target error requires, at most [`MOST_RANK`].
+    /// Factorises a table with as many terms as the target error requires, at most [`MAX_RANK`].
     ///
     /// # Errors
     /// `Input` for invalid options and for black tables.
@@ -115,7 +115,7 @@ impl Factors {
             return Err(Error::input("table", "is dark everywhere", "make it anew"));
         }
         let pattern = Pattern::of(table, settings.apart);
-        let most = settings.rank.unwrap_or(MOST_RANK);
+        let most = settings.rank.unwrap_or(MAX_RANK);
         let several = settings.parts > 1 && pattern.main.len() > 1 && settings.directions.is_none();
         let directions: Vec<f64> =
             pattern.main.iter().copied().take(if several { settings.parts } else { 0 }).collect();

@@ -1,6 +1,6 @@
 //! The operation `factor`: factorises a lookup table.
 
-use super::{Factors, Kind, MOST_RANK, Report, Settings};
+use super::{Factors, Kind, MAX_RANK, Report, Settings};
 use crate::environment::passes::{clamped, two_pass};
 use crate::environment::{Environment, Table, normalized_error};
 use nacre_base::estimate::Work;
@@ -177,7 +177,7 @@ fn measured(
     while environment.width > TRIAL || environment.width % 2 == 1 {
         environment = environment.halved();
     }
-    let all = Settings { rank: Some(MOST_RANK), kind: Kind::Singular, parts: 1, ..*settings };
+    let all = Settings { rank: Some(MAX_RANK), kind: Kind::Singular, parts: 1, ..*settings };
     let truth = Factors::of(table, &all)?.reflected(&environment, progress)?;
     let mut found = factors.reflected(&environment, progress)?;
     let negative = clamped(&mut found);

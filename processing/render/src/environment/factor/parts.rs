@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Maximum number of terms of a part.
-pub const MOST_RANK: usize = 96;
+pub const MAX_RANK: usize = 96;
 
 /// Sharpness exponent of the split of light between the directions of several parts.
 const SPLIT: i32 = 16;
@@ -71,7 +71,7 @@ impl Part {
         let matrices = kernel.map(|k| DMatrix::from_vec(rows, columns, k));
         let norm = [0, 1, 2].map(|c| matrices[c].norm());
         let albedo = [0, 1, 2].map(|c| matrices[c].sum() * dx * dy);
-        let rank = rank.clamp(1, MOST_RANK);
+        let rank = rank.clamp(1, MAX_RANK);
         let factorised: Vec<Vec<Product>> = matrices
             .par_iter()
             .map(|m| match kind {

@@ -11,7 +11,7 @@ use super::super::Table;
 use std::f64::consts::FRAC_PI_2;
 
 /// Maximum number of rows of a straightened table.
-const MOST_ROWS: usize = 4096;
+const MAX_ROWS: usize = 4096;
 
 /// Straightened coordinates of a table.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +42,7 @@ impl Grid {
             (far / (1.0 - x * x).sqrt()).min(1.0).asin() + grid.lean(x).abs()
         };
         grid.reach[1] = (0..grid.size[0]).map(angle).fold(0.0, f64::max);
-        grid.size[1] = ((2.0 * grid.reach[1] / table.cell()).ceil() as usize).clamp(2, MOST_ROWS);
+        grid.size[1] = ((2.0 * grid.reach[1] / table.cell()).ceil() as usize).clamp(2, MAX_ROWS);
         grid
     }
 

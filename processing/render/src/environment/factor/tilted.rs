@@ -10,10 +10,10 @@ use super::straight::Grid;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Largest tilt in rad: grazing surfaces reflect almost no light.
-const MOST_TILT: f64 = 1.54;
+const MAX_TILT: f64 = 1.54;
 
 /// Maximum number of cells along x, and along β.
-const MOST_CELLS: [usize; 2] = [512, 1024];
+const MAX_CELLS: [usize; 2] = [512, 1024];
 
 /// Sampling points along a side in the search for the extent of a pattern.
 const LOOKS: usize = 64;
@@ -29,7 +29,7 @@ struct Tilt {
 impl Tilt {
     fn new([x, y]: [f64; 2]) -> Self {
         let angle = x.hypot(y);
-        let (sin, cos) = angle.min(MOST_TILT).sin_cos();
+        let (sin, cos) = angle.min(MAX_TILT).sin_cos();
         let towards = if angle > 1e-9 { [x / angle, y / angle] } else { [1.0, 0.0] };
         Self { sin, cos, towards }
     }
@@ -97,8 +97,8 @@ impl Part {
             }
         }
         let step = [1.998 / LOOKS as f64, PI / LOOKS as f64];
-        grid.reach = [(reach[0] + step[0]).min(0.999), (reach[1] + step[1]).min(FRAC_PI_2 + MOST_TILT)];
-        let cells = |k: usize, cell: f64| ((2.0 * grid.reach[k] / cell).ceil() as usize).clamp(2, MOST_CELLS[k]);
+        grid.reach = [(reach[0] + step[0]).min(0.999), (reach[1] + step[1]).min(FRAC_PI_2 + MAX_TILT)];
+        let cells = |k: usize, cell: f64| ((2.0 * grid.reach[k] / cell).ceil() as usize).clamp(2, MAX_CELLS[k]);
         let [x, y] = [cells(0, dx), cells(1, dy)];
         grid.size = [x + x % 2, y];
         grid

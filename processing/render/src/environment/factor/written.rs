@@ -1,7 +1,7 @@
 //! Reads curves written by `nacre factor`.
 
 use super::directions::Pattern;
-use super::{Factors, Grid, MOST_RANK, Measured, Part, Term};
+use super::{Factors, Grid, MAX_RANK, Measured, Part, Term};
 use crate::environment::Table;
 use nacre_base::{Error, Result};
 use nacre_image::{ExrMap, read_exr, size};
@@ -9,14 +9,14 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
 use std::path::Path;
 
 /// Maximum number of parts in a folder, as in [`Settings`](super::Settings).
-const MOST_PARTS: usize = 6;
+const MAX_PARTS: usize = 6;
 
 /// Maximum number of samples of a curve: the largest number of table entries along a side, plus one for an odd number.
-const MOST_SAMPLES: usize = 4097;
+const MAX_SAMPLES: usize = 4097;
 
 /// Largest angle in rad between the second direction and the perpendicular to the first (two directions are at least
 /// 10° apart).
-const MOST_SHEAR: f64 = 80.5 * PI / 180.0;
+const MAX_SHEAR: f64 = 80.5 * PI / 180.0;
 
 const REMEDY: &str = "give a folder that `nacre factor` wrote, or factor the table again";
 
@@ -29,7 +29,7 @@ impl Factors {
     /// table.
     pub fn read(folder: &Path, table: &Table, scale: [f64; 3]) -> Result<Self> {
         let file = |k: usize, name: &str| folder.join(format!("part-{k}-{name}.exr"));
-        let count = (1..=MOST_PARTS).take_while(|k| file(*k, "across").exists()).count();
+        let count = (1..=MAX_PARTS).take_while(|k| file(*k, "across").exists()).count();
         if count == 0 {
             return Err(Error::file(folder, "holds no part-1-across.exr", REMEDY));
         }
@@ -67,9 +67,9 @@ fn part(paths: [&Path; 2], scale: [f64; 3]) -> Result<(Grid, [Vec<Term>; 3])> {
     for path in paths {
         // The size is checked in the header, before any data are decoded.
         let [samples, rank] = size(path)?;
-        if !(2..=MOST_SAMPLES).contains(&samples) || !(1..=MOST_RANK).contains(&rank) {
+        if !(2..=MAX_SAMPLES).contains(&samples) || !(1..=MAX_RANK).contains(&rank) {
             let problem =
-                format!("has {rank} curves of {samples} samples; 1 to {MOST_RANK} of 2 to {MOST_SAMPLES} are expected");
+                format!("has {rank} curves of {samples} samples; 1 to {MAX_RANK} of 2 to {MAX_SAMPLES} are expected");
             return Err(refuse(path, problem));
         }
         files.push(read_exr(path)?);
@@ -84,7 +84,7 @@ fn part(paths: [&Path; 2], scale: [f64; 3]) -> Result<(Grid, [Vec<Term>; 3])> {
     };
     let limits = [
         ("meridian_deg", [-720.0, 720.0]),
-        ("shear_deg", [-MOST_SHEAR.to_degrees(), MOST_SHEAR.to_degrees()]),
+        ("shear_deg", [-MAX_SHEAR.to_degrees(), MAX_SHEAR.to_degrees()]),
         ("reach_x", [1e-6, 0.999]),
         ("reach_beta", [1e-6, PI]),
     ];
@@ -104,7 +104,7 @@ fn part(paths: [&Path; 2], scale: [f64; 3]) -> Result<(Grid, [Vec<Term>; 3])> {
     let grid = Grid {
         meridian: meridian.to_radians(),
         shear: shear.to_radians(),
-        reach: [reach_x, reach_beta.min(FRAC_PI_2 + MOST_SHEAR)],
+        reach: [reach_x, reach_beta.min(FRAC_PI_2 + MAX_SHEAR)],
         size,
     };
     let mut channels = [const { vec![] }; 3];

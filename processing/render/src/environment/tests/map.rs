@@ -12,7 +12,7 @@ fn uneven() -> Environment {
 }
 
 #[test]
-fn axes_lie_where_they_are_said_to() {
+fn axes_have_their_documented_directions() {
     let mut rgb = vec![[0.0; 3]; 64 * 32];
     rgb[32] = [3.0, 0.0, 0.0];
     let environment = Environment::of(64, 32, rgb).unwrap();
@@ -28,7 +28,7 @@ fn axes_lie_where_they_are_said_to() {
 }
 
 #[test]
-fn density_adds_up_to_one_and_is_what_directions_are_drawn_with() {
+fn density_integrates_to_one_and_is_that_of_sampling() {
     for environment in [uneven(), Environment::constant([1.0, 0.5, 0.0]), Environment::constant([0.0; 3])] {
         let mut whole = 0.0;
         for y in 0..environment.height {

@@ -90,7 +90,7 @@ fn filtering_beforehand_is_exact_along_the_normal_only() {
 }
 
 #[test]
-fn gratings_reflect_what_they_get() {
+fn gratings_conserve_energy() {
     let white = Environment::constant([1.0; 3]);
     let frame = Frame::facing([0.6, 0.0, 0.8], 0.3);
     for (period_um, depth_um) in [(4.0, 0.1), (2.0, 0.02), (20.0, 0.3)] {

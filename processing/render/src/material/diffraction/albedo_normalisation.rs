@@ -44,7 +44,7 @@ const RIM: f64 = 0.9;
 /// Nodes per turn of the phase of the deepest point. A power density varies on the scale of half a turn; interpolation
 /// between nodes is linear.
 const NODES_PER_TURN: f64 = 32.0;
-const MOST_NODES: usize = 800;
+const MAX_NODES: usize = 800;
 
 /// Albedo times cos² θ over directions of view and wave numbers. At grazing views Stam's gain makes the albedo times
 /// cos θ grow as 1 / cos θ.
@@ -173,7 +173,7 @@ impl AlbedoNormalisation {
 impl Places {
     fn new(densities: &Densities, sides: [f64; 2], depth_um: f64) -> Self {
         let most_q = 2.0 * TAU * RANGE[1];
-        let nodes = ((most_q * depth_um / TAU * NODES_PER_TURN) as usize).clamp(16, MOST_NODES) + 1;
+        let nodes = ((most_q * depth_um / TAU * NODES_PER_TURN) as usize).clamp(16, MAX_NODES) + 1;
         let per_q = (nodes - 1) as f64 / most_q;
         let half = sides.map(|s| (2.0 * RANGE[1] / s) as i32);
         let width = (2 * half[0] + 1) as usize;

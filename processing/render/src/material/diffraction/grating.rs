@@ -29,7 +29,7 @@ const EVEN: f32 = 1e-6;
 
 /// Number of coupled directions above which powers are scaled by row only: for such long periods nearly all orders
 /// propagate.
-const MOST_DIRECTIONS: usize = 48;
+const MAX_DIRECTIONS: usize = 48;
 
 /// Distance over which slopes are averaged, an eighth of a wavelength: light does not resolve finer details.
 const WALL_UM: f64 = 0.07;
@@ -232,7 +232,7 @@ impl Grating {
             if n == 0 { view[2].max(1e-3) } else { (1.0 - x * x - y * y).max(1e-6).sqrt() }
         }));
         let zero = (-first) as usize;
-        if count > MOST_DIRECTIONS {
+        if count > MAX_DIRECTIONS {
             self.row(zero, count, at, first, number, scratch, &mut each);
             return;
         }

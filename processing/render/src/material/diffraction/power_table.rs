@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 /// Cubic interpolation has an error of 0.2 % of a lobe's light.
 const STEP: f64 = 0.35;
 const NODES_PER_TURN: f64 = 16.0;
-const FEWEST_NODES: usize = 8;
+const MIN_NODES: usize = 8;
 
 /// Maximum number of values: 12 MB, computed in some seconds.
 const MOST: usize = 3_000_000;
@@ -49,7 +49,7 @@ impl PowerTable {
         progress: &dyn Progress,
     ) -> Result<Option<Self>> {
         let most_q = 2.0 * TAU * RANGE[1];
-        let nodes = ((most_q * depth_um / TAU * NODES_PER_TURN).ceil().min(1e6) as usize).max(FEWEST_NODES);
+        let nodes = ((most_q * depth_um / TAU * NODES_PER_TURN).ceil().min(1e6) as usize).max(MIN_NODES);
         let per_q = nodes as f64 / most_q;
         let step = STEP * densities.window.sigma;
         // Two more than are needed, for cubic interpolation.

@@ -16,7 +16,7 @@ mod filtered;
 mod poles;
 
 use crate::environment::Table as EvenTable;
-use crate::environment::factor::{Factors, MOST_RANK, Part};
+use crate::environment::factor::{Factors, MAX_RANK, Part};
 use crate::light::Sky;
 use crate::material::diffraction::table::Table;
 use crate::vector::V3;
@@ -31,7 +31,7 @@ use std::collections::BTreeMap;
 pub(crate) type Seen = ([V3; 3], V3);
 
 /// Maximum size of all filtered environments of a shape in bytes.
-const MOST_BYTES: usize = 256 << 20;
+const MAX_BYTES: usize = 256 << 20;
 
 /// Minimum width of a curve's cells, in pixels of the filtered environment.
 const CELL: f64 = 0.25;
@@ -93,7 +93,7 @@ struct Node {
 
 /// Lookup coordinates of a point in a filtered environment.
 #[derive(Clone, Copy)]
-struct Look {
+struct LookupPoint {
     mirror: V3,
     /// The table's meridian at the mirror direction: that of the surface, rotated as the normal is rotated to the
     /// mirror direction.
@@ -103,7 +103,7 @@ struct Look {
     tilt: [f64; 2],
 }
 
-impl Look {
+impl LookupPoint {
     /// `None` for points that face away.
     fn new((frame, towards): &Seen, meridian: f64) -> Option<Self> {
         let normal = frame[2];
@@ -139,17 +139,17 @@ impl Look {
 impl<'a> Plan<'a> {
     /// Plans the environments for some points of a shape.
     pub(crate) fn new(curves: &'a Curves, seen: &[Seen], fineness: Fineness) -> Self {
-        let mut looks: BTreeMap<Key, Vec<Look>> = BTreeMap::new();
+        let mut points: BTreeMap<Key, Vec<LookupPoint>> = BTreeMap::new();
         for (k, part) in curves.factors.parts.iter().enumerate() {
-            for look in seen.iter().filter_map(|s| Look::new(s, part.grid.meridian)) {
-                for (tilt, weight) in look.around(fineness.tilts) {
+            for point in seen.iter().filter_map(|s| LookupPoint::new(s, part.grid.meridian)) {
+                for (tilt, weight) in point.around(fineness.tilts) {
                     if weight.abs() > LITTLE {
-                        looks.entry((k, look.left_handed, tilt)).or_default().push(look);
+                        points.entry((k, point.left_handed, tilt)).or_default().push(point);
                     }
                 }
             }
         }
-        let nodes = looks.into_iter().map(|(key, looks)| (key, Poles::new(&looks, fineness.poles))).collect();
+        let nodes = points.into_iter().map(|(key, points)| (key, Poles::new(&points, fineness.poles))).collect();
         Self { fineness, curves, nodes }
     }
 
@@ -162,7 +162,7 @@ impl<'a> Plan<'a> {
     pub(crate) fn fits(&self, skies: usize) -> bool {
         let Fineness { width, .. } = self.fineness;
         let bytes = (width * width / 2).saturating_mul(size_of::<[f32; 3]>());
-        bytes.saturating_mul(self.count()).saturating_mul(skies) <= MOST_BYTES
+        bytes.saturating_mul(self.count()).saturating_mul(skies) <= MAX_BYTES
     }
 
     /// Approximate number of multiplications of the passes per sky.
@@ -226,15 +226,15 @@ impl TwoPass {
         }
         let mut sum = [0.0; 3];
         for (part, meridian) in self.meridians.iter().enumerate() {
-            let look = Look::new(seen, *meridian)?;
-            for (tilt, share) in look.around(self.tilts) {
+            let point = LookupPoint::new(seen, *meridian)?;
+            for (tilt, share) in point.around(self.tilts) {
                 if share.abs() <= LITTLE {
                     continue;
                 }
-                let node = self.nodes.get(&(part, look.left_handed, tilt))?;
-                for (k, weight) in node.poles.around(&look) {
+                let node = self.nodes.get(&(part, point.left_handed, tilt))?;
+                for (k, weight) in node.poles.around(&point) {
                     if weight > 0.0 {
-                        let rgb = node.maps.get(k)?.get(sky)?.at(look.mirror);
+                        let rgb = node.maps.get(k)?.get(sky)?.at(point.mirror);
                         (0..3).for_each(|c| sum[c] += share * weight * rgb[c]);
                     }
                 }
@@ -255,7 +255,7 @@ impl Curves {
         let (factors, own) = table.factored(rank, max_error)?;
         let known = table.factors.is_none().then_some(own);
         let own_terms = factors.parts.iter().map(Part::terms).max().unwrap_or(1);
-        let most = rank.unwrap_or((2 * own_terms + MORE).min(MOST_RANK));
+        let most = rank.unwrap_or((2 * own_terms + MORE).min(MAX_RANK));
         let terms = (most, if rank.is_some() { 0.0 } else { max_error });
         Ok(Self { factors, table: known, extent: table.extent, terms })
     }

@@ -3,7 +3,7 @@
 use super::fault::{Decoded, Fault};
 use super::left_out::LeftOut;
 use super::polygon::{Outline, Triangulation};
-use crate::shape::mesh::{Corner, MOST_TRIANGLES};
+use crate::shape::mesh::{Corner, MAX_TRIANGLES};
 use std::collections::HashMap;
 
 /// A mesh under construction.
@@ -107,8 +107,8 @@ impl Draft {
 
 /// Refuses too many corners or triangles before they are allocated.
 pub(super) fn check_count(noun: &str, count: usize) -> Decoded<()> {
-    if count > MOST_TRIANGLES {
-        let problem = format!("has more than {} million {noun}", MOST_TRIANGLES / 1_000_000);
+    if count > MAX_TRIANGLES {
+        let problem = format!("has more than {} million {noun}", MAX_TRIANGLES / 1_000_000);
         return Err(Fault::refused(problem, "reduce the mesh"));
     }
     Ok(())

@@ -5,7 +5,7 @@ use crate::shape::mesh::has_area;
 use crate::vector::V3;
 
 /// Maximum number of comparisons in ear clipping for all faces of a mesh (about 10 s).
-const MOST_WORK: u64 = 1 << 31;
+const MAX_WORK: u64 = 1 << 31;
 
 /// Area, relative to the squared extent of a face, below which a corner counts as straight.
 const STRAIGHT: f64 = 1e-14;
@@ -169,7 +169,7 @@ impl<'a> Ring<'a> {
     /// Whether no part of the outline lies within the triangle of a convex corner, nor on its edges if `strict`.
     fn is_ear(&self, [a, b, c]: [usize; 3], strict: bool, left: usize, work: &mut u64) -> Decoded<bool> {
         *work += left as u64;
-        if *work > MOST_WORK {
+        if *work > MAX_WORK {
             let problem =
                 format!("has concave faces of up to {} corners that take too long to split", self.points.len());
             return Err(Fault::refused(problem, "export the mesh with triangles"));

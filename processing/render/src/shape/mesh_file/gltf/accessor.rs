@@ -2,7 +2,7 @@
 
 use super::File;
 use super::document::Accessor;
-use crate::shape::mesh::MOST_TRIANGLES;
+use crate::shape::mesh::MAX_TRIANGLES;
 use crate::shape::mesh_file::fault::{Decoded, Fault};
 
 /// Type of the components of an accessor.
@@ -103,7 +103,7 @@ impl File {
         if accessor.shape != shape {
             return Err(Fault::damaged(format!("has {} in accessor {index} instead of {shape}", accessor.shape)));
         }
-        if accessor.count > 3 * MOST_TRIANGLES || (N > 1 && accessor.count > MOST_TRIANGLES) {
+        if accessor.count > 3 * MAX_TRIANGLES || (N > 1 && accessor.count > MAX_TRIANGLES) {
             let problem = format!("has {} elements in accessor {index}", accessor.count);
             return Err(Fault::refused(problem, "give a mesh of at most 20 million triangles"));
         }

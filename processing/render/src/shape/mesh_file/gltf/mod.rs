@@ -20,7 +20,7 @@ use nalgebra::Matrix4;
 use std::path::Path;
 
 /// Maximum depth of nodes.
-const MOST_DEPTH: usize = 64;
+const MAX_DEPTH: usize = 64;
 
 pub(super) fn read(bytes: &[u8], path: &Path, draft: &mut Draft) -> Decoded<()> {
     let (json, binary) = split(bytes)?;
@@ -63,9 +63,9 @@ impl File {
         let mut todo: Vec<(usize, Matrix4<f64>, usize)> =
             roots.into_iter().map(|n| (n, Matrix4::identity(), 0)).collect();
         while let Some((index, above, depth)) = todo.pop() {
-            if depth > MOST_DEPTH {
+            if depth > MAX_DEPTH {
                 return Err(Fault::refused(
-                    format!("has nodes more than {MOST_DEPTH} deep"),
+                    format!("has nodes more than {MAX_DEPTH} deep"),
                     "export the mesh with fewer levels",
                 ));
             }

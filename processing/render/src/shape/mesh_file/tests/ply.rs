@@ -104,7 +104,7 @@ fn lines_may_have_surplus_values() {
 }
 
 #[test]
-fn clouds_of_points_and_damaged_files_are_told_apart() {
+fn point_clouds_and_damaged_files_are_distinguished() {
     let said = refusal("a.ply", header("ascii", "") + &text_places());
     assert!(said.contains("has no faces (5 points)"), "{said}");
     let face = "element face 1\nproperty list uchar int corners\n";

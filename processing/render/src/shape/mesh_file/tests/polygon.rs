@@ -155,7 +155,7 @@ fn convex_faces_stay_fans() {
 }
 
 #[test]
-fn faces_that_cross_themselves_or_are_flat_are_said() {
+fn self_intersecting_and_flat_faces_are_reported() {
     let eight = [[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 3.0]];
     let of = |places: &[[f64; 2]]| warnings(mesh("a.obj", face(&flat(places))).unwrap()).join("; ");
     assert!(of(&eight).contains("1 face crosses itself"), "{}", of(&eight));
