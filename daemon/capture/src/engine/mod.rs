@@ -5,8 +5,8 @@
 //! every angle is approached from below, and committed frames are not repeated. The light is always switched off at the
 //! end.
 //!
-//! Three activities run in parallel: bench control (`sequencer`), storage of frames (`frame_writer`), and reconstruction
-//! (`live`).
+//! Three activities run in parallel: bench control (`sequencer`), storage of frames (`frame_writer`), and
+//! reconstruction (`live`).
 
 mod bench_controller;
 #[cfg(test)]

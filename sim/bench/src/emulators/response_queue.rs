@@ -11,26 +11,15 @@ pub(super) struct ResponseQueue {
     queue: VecDeque<(Instant, Vec<u8>)>,
 }
 
-<<<<<<< HEAD:sim/bench/src/emulators/mouth.rs
-impl Mouth {
-    /// Queue whose slow answers are delayed by `late`.
-=======
 impl ResponseQueue {
-    /// Slow answers come this much later.
->>>>>>> w3:sim/bench/src/emulators/response_queue.rs
+    /// Queue whose slow answers are delayed by `late`.
     pub(super) fn new(late: Duration) -> Self {
         Self { late, queue: VecDeque::new() }
     }
 
-<<<<<<< HEAD:sim/bench/src/emulators/mouth.rs
     /// Queues an answer, changed by a transmission fault.
-    pub(super) fn say(&mut self, fault: Option<ByteFaultKind>, answer: &str) {
-        let mut due = Instant::now();
-=======
-    /// Says something, spoiled by a fault that concerns the saying.
     pub(super) fn push(&mut self, fault: Option<ByteFaultKind>, answer: &str) {
         let mut send_at = Instant::now();
->>>>>>> w3:sim/bench/src/emulators/response_queue.rs
         let mut bytes = answer.as_bytes().to_vec();
         match fault {
             Some(ByteFaultKind::HalfAnswer) => bytes.truncate(bytes.len() / 2),
@@ -40,33 +29,18 @@ impl ResponseQueue {
             Some(ByteFaultKind::Slow) => send_at += self.late,
             _ => {}
         }
-<<<<<<< HEAD:sim/bench/src/emulators/mouth.rs
         // Later answers wait for a delayed one.
-        let due = self.queue.back().map_or(due, |(last, _)| due.max(*last));
-        self.queue.push_back((due, bytes));
-    }
-
-    /// Discards all queued answers.
-    pub(super) fn shut(&mut self) {
-        self.queue.clear();
-    }
-
-    /// Takes the answers that are due.
-    pub(super) fn speak(&mut self) -> Vec<Action> {
-=======
-        // Nothing overtakes what is late.
         let send_at = self.queue.back().map_or(send_at, |(last, _)| send_at.max(*last));
         self.queue.push_back((send_at, bytes));
     }
 
-    /// What was to be said is forgotten.
+    /// Discards all queued answers.
     pub(super) fn clear(&mut self) {
         self.queue.clear();
     }
 
-    /// What is said now.
+    /// Takes the answers that are due.
     pub(super) fn due(&mut self) -> Vec<Action> {
->>>>>>> w3:sim/bench/src/emulators/response_queue.rs
         let now = Instant::now();
         let mut actions = Vec::new();
         while let Some((_, bytes)) = self.queue.pop_front_if(|(due, _)| *due <= now) {
