@@ -146,7 +146,7 @@ fn a_person_plans_a_spot_scan() {
         (&5.into(), &0.02.into())
     );
     let made = &plan["reconstruct"];
-    assert_eq!((&made["method"], &made["spots"]["wavelength_nm"]), (&"spots".into(), &560.into()), "{plan}");
+    assert_eq!((&made["operation"], &made["options"]["wavelength_nm"]), (&"spots".into(), &560.into()), "{plan}");
     browser.both("new-spots");
     // Operations available for a bracket, with their options.
     browser.click("input[name=kind][value=flash]");

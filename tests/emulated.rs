@@ -187,6 +187,9 @@ fn commands(device: &'static str, fault: &'static str, whole: &[(String, Vec<u8>
     high
 }
 
+/// Faults that lose no answer.
+const HARMLESS: [&str; 2] = ["resend", "slow"];
+
 /// Every device and every fault, at steps from the first command to the last. The session either succeeds with correct
 /// data, or fails with an error that names the device. No light remains on, and the repaired bench completes the
 /// session to identical bytes.
@@ -203,7 +206,13 @@ fn every_fault_at_every_step_is_passed_over_or_named_and_the_session_completed()
                 loop {
                     let at = next.fetch_add(1, Ordering::Relaxed);
                     let Some(case) = cases.get(at) else { break };
-                    let told = session_with(*case, &whole);
+                    let mut told = session_with(*case, &whole);
+                    // On a busy machine a harmless fault can exceed a time limit.
+                    for _ in 0..2 {
+                        if told.is_some() && HARMLESS.contains(&case.fault) {
+                            told = session_with(*case, &whole);
+                        }
+                    }
                     outcomes.lock().unwrap()[at] = Some(told);
                 }
             });
@@ -221,11 +230,9 @@ fn every_fault_at_every_step_is_passed_over_or_named_and_the_session_completed()
     println!("{named} of {} sessions with faults ended with an error", outcomes.len());
     for (case, outcome) in cases.iter().zip(&outcomes) {
         // Faults must be noticed, except harmless ones, which are tolerated.
-        let harmless = ["resend", "slow"].contains(&case.fault);
+        let harmless = HARMLESS.contains(&case.fault);
         assert!(outcome.is_some() || case.once || harmless, "{} {} is not noticed", case.device, case.fault);
-        // A late stage may have exceeded its time limit.
-        let stage = ["elliptec", "grbl"].contains(&case.device);
-        assert!(outcome.is_none() || stage || !harmless, "{} {}: {outcome:?}", case.device, case.fault);
+        assert!(outcome.is_none() || !harmless, "{} {}: {outcome:?}", case.device, case.fault);
     }
 }
 

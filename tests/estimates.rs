@@ -120,7 +120,7 @@ fn the_service_says_what_is_to_come() {
     assert!(needs["seconds"].as_f64().unwrap() > 0.0 && needs["disk_bytes"].as_u64().unwrap() > 0, "{needs}");
     assert!(needs["memory_bytes"].as_u64().unwrap() > 0);
     assert!(service.get("/api/v1/reconstructions").expect(200).json()["items"].as_array().unwrap().is_empty());
-    service.post("/api/v1/reconstructions/estimate", &json!({ "session": id, "options": {} })).expect(400);
+    service.post("/api/v1/reconstructions/estimate", &json!({ "session": id, "options": { "modle": 1 } })).expect(400);
     service.post("/api/v1/reconstructions/estimate", &json!({})).expect(400);
 
     let metered = json!({ "plan": {

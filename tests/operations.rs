@@ -57,6 +57,7 @@ fn command_lines_have_every_option_with_its_default() {
             let after = after.unwrap_or_else(|| panic!("{name} has no {flag}:\n{help}"));
             // Up to the next flag.
             let own = after.split("\n      --").next().unwrap();
+            let own = own.split_whitespace().collect::<Vec<_>>().join(" ");
             let default = field.default().filter(|v| !field.is_flag() && !v.is_object());
             assert_eq!(own.contains("[default: "), default.is_some(), "{name} {flag}: {own}");
             if let Some(default) = default {

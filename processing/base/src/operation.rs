@@ -98,6 +98,9 @@ pub fn perform<O: Operation>(
     Ok(report)
 }
 
+/// Problem of a required option that is not given.
+pub const MISSING: &str = "is missing";
+
 /// Reference to the description of options, for users who send JSON.
 pub const SCHEMA: &str = "the schema of the operation lists keys and units";
 
@@ -224,7 +227,7 @@ pub fn read<O: Operation>(options: &Value) -> Result<O> {
         let problem = error.into_inner().to_string();
         if let Some(name) = problem.strip_prefix("missing field `").and_then(|rest| rest.split('`').next()) {
             let key = if key == "." { name.to_owned() } else { format!("{key}.{name}") };
-            return Error::input(key, "is missing", format!("give it; {SCHEMA}"));
+            return Error::input(key, MISSING, format!("give it; {SCHEMA}"));
         }
         let key = if key == "." { "options".to_owned() } else { key };
         Error::input(key, problem, format!("correct it; {SCHEMA}"))

@@ -5,7 +5,7 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use nacre_base::Error;
 use nacre_base::fields::{Field, Fields, TABLE};
-use nacre_base::operation::{Entry, Operation, Registered, SCHEMA, read};
+use nacre_base::operation::{Entry, MISSING, Operation, Registered, SCHEMA, read};
 use nacre_base::text::{from_json, from_toml, read_text};
 use nacre_capture::Failure;
 use serde_json::{Value, json};
@@ -178,7 +178,11 @@ fn table(path: &Path) -> Result<Vec<Vec<f64>>, Error> {
 pub fn flagged(error: Error, fields: &Fields) -> Error {
     match error {
         Error::Input { subject, problem, remedy } => {
-            let own = |f: &&Field| [id(f), f.name()].contains(&subject) || id(f) == format!("{subject}.path");
+            let missing = problem == MISSING;
+            let own = |f: &&Field| {
+                // Any flag of a missing structure may be given.
+                id(f) == subject || (f.name() == subject && !missing) || id(f) == format!("{subject}.path")
+            };
             let within = |f: &&Field| id(f).starts_with(&format!("{subject}."));
             let flag = |f: &Field| format!("--{}", f.name());
             let all = || fields.list.iter().filter(within).map(flag).collect::<Vec<_>>().join(" or ");
