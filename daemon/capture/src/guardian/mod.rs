@@ -86,7 +86,7 @@ impl Guarded {
 }
 
 enum Event {
-    Asked(Ask),
+    Request(Ask),
     /// Requested by the owner, by a closed pipe, or by SIGTERM.
     End,
 }
@@ -114,8 +114,8 @@ pub fn run(open: impl Fn() -> DeviceResult<Box<dyn Flash>>) -> DeviceResult<()> 
     };
     loop {
         match events.recv_timeout(guard.patience()) {
-            Ok(Event::Asked(Ask::Beat)) => guard.beat = Instant::now(),
-            Ok(Event::Asked(ask)) => {
+            Ok(Event::Request(Ask::Beat)) => guard.beat = Instant::now(),
+            Ok(Event::Request(ask)) => {
                 guard.beat = Instant::now();
                 if say(&guard.answer(ask)).is_err() {
                     break;
@@ -134,8 +134,8 @@ fn listen(tell: &Sender<Event>) {
     for line in std::io::stdin().lines().map_while(Result::ok) {
         let delivered = match serde_json::from_str(&line) {
             Ok(Ask::End) => tell.send(Event::End).is_ok(),
-            Ok(Ask::Beat) => tell.send(Event::Asked(Ask::Beat)).is_ok() && say(&Ok(Answer::Alive)).is_ok(),
-            Ok(ask) => tell.send(Event::Asked(ask)).is_ok(),
+            Ok(Ask::Beat) => tell.send(Event::Request(Ask::Beat)).is_ok() && say(&Ok(Answer::Alive)).is_ok(),
+            Ok(ask) => tell.send(Event::Request(ask)).is_ok(),
             Err(_) => false,
         };
         if !delivered {
