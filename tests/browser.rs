@@ -62,6 +62,9 @@ fn a_person_takes_a_session_and_looks_at_its_map() {
     browser.open(&format!("{url}/#/new"));
     browser.until("/\\d/.test(document.querySelector('#estimate').textContent)");
     browser.both("new");
+    // Enough frames that the session can still be paused on a busy machine.
+    browser.run("const step = document.getElementById('plan-step'); step.value = '6'; step.dispatchEvent(new Event('input', { bubbles: true }));");
+    browser.until("document.querySelector('pre[aria-label]').textContent.includes('174')");
     browser.click("#start");
     browser.until("location.hash.startsWith('#/session/')");
     let id = browser.run("return location.hash.split('/')[2]").as_str().unwrap().to_owned();
