@@ -14,8 +14,10 @@ KEYS = {
     "time_ms": "when the journal's line was written",
     "crc": "covers time_ms",
 }
+# An object with one of these keys is a schema.
+SCHEMA = r'(?![^{}]*"(?:type|\$ref|description)")'
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
-VALUE = rf'(?:{NUMBER}|null|"(?:[^"\\]|\\.)*"|\{{[^{{}}]*\}}|\[[^\[\]{{}}]*\])'
+VALUE = rf'(?:{NUMBER}|null|"(?:[^"\\]|\\.)*"|\{{{SCHEMA}[^{{}}]*\}}|\[[^\[\]{{}}]*\])'
 JSON_KEY = re.compile(rf'"({"|".join(KEYS)})"(\s*:\s*){VALUE}')
 
 # Lines of reports on standard output.
