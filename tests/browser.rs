@@ -64,7 +64,7 @@ fn a_person_takes_a_session_and_looks_at_its_map() {
     browser.both("new");
     // Enough frames that the session can still be paused on a busy machine.
     browser.run("const step = document.getElementById('plan-step'); step.value = '6'; step.dispatchEvent(new Event('input', { bubbles: true }));");
-    browser.until("document.querySelector('pre[aria-label]').textContent.includes('174')");
+    browser.until("document.querySelector('pre[aria-label]').textContent.includes('150')");
     browser.click("#start");
     browser.until("location.hash.startsWith('#/session/')");
     let id = browser.run("return location.hash.split('/')[2]").as_str().unwrap().to_owned();
@@ -159,8 +159,8 @@ fn a_person_plans_a_spot_scan() {
         browser.until(&format!("document.getElementById('{field}')"));
         browser.until("!document.querySelector('#start').disabled");
         let plan = browser.run("return JSON.parse(document.querySelector('pre[aria-label]').textContent)");
-        assert_eq!(plan["reconstruct"]["method"], method, "{plan}");
-        assert!(plan["reconstruct"][method].is_object(), "{plan}");
+        assert_eq!(plan["reconstruct"]["operation"], method, "{plan}");
+        assert!(plan["reconstruct"]["options"].is_object(), "{plan}");
     }
     browser.both("new-flash");
 }

@@ -181,7 +181,7 @@ pub fn flagged(error: Error, fields: &Fields) -> Error {
             let missing = problem == MISSING;
             let own = |f: &&Field| {
                 // Any flag of a missing structure may be given.
-                id(f) == subject || (f.name() == subject && !missing) || id(f) == format!("{subject}.path")
+                id(f) == subject || (!missing && (f.name() == subject || id(f) == format!("{subject}.path")))
             };
             let within = |f: &&Field| id(f).starts_with(&format!("{subject}."));
             let flag = |f: &Field| format!("--{}", f.name());
