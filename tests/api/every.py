@@ -58,6 +58,9 @@ def session(plan):
     raise SystemExit(f"the session of {plan} does not end")
 
 
+DOCUMENT = answer(f"{URL}/api/v1/openapi.json")
+
+
 def orders():
     """One order for each operation."""
     for name in ("FLASH_SCENE", "BOKEH_SCENE", "FOIL_SCENE", "TILES_SCENE", "RENDER_SCENE"):
@@ -70,20 +73,22 @@ def orders():
     nacre("reconstruct foil foil --out found")
     nacre("synthesize found --size 32x24 --pixel-um 25 --square-px 3 --out drawn")
     nacre("brdf surface sinusoid --period-um 2 --depth-um 0.1 --pixels 48 --out heights.exr")
-    photographs = lambda folder: upload("photographs", *sorted(Path(folder).glob("*.png")))
+    photographs = lambda folder, frames=None: upload("photographs", *sorted(Path(folder).glob("*.png")), frames=frames)
     geometry = json.loads(Path("foil/geometry.json").read_text())
     exposures = session({"kind": "exposures", "exposures_ms": [1, 4]})
     angles = session({"kind": "polarization", "camera": {"exposure_ms": 5}, "analyser": {"angles_deg": [0, 45, 90, 135]}})
     fringes = {"count": 8, "phases": 4, "finest_mm": 28}
-    tiles = {"tiles": [6, 5], "size_mm": [178.2, 131.25]}
+    sheet = json.loads(Path("tiles/geometry.json").read_text())
+    tiles = {"tiles": [6, 5], "size_mm": [178.2, 131.25], "geometry": sheet}
     yield "polarization", {"session": angles, "options": {"model": "plain"}}
     yield "hdr", {"session": exposures, "options": {"align": "off"}}
-    yield "stack", {"session": angles, "options": {"clip_sigma": None}}
-    yield "lut", {"session": exposures, "options": {"wavelength_nm": 550, "scale": 0.01, "size": 16, "max_error": 1}}
+    yield "stack", {"upload": photographs("tiles"), "options": {"clip_sigma": None}}
+    table = {"wavelength_nm": 680, "scale": 0.008, "size": 64, "max_error": 1}
+    yield "lut", {"upload": photographs("flash", "flash/frames.json"), "options": table}
     yield "bokeh", {"upload": photographs("bokeh"), "options": {"psf": {"sigma": 2}, "scale": {"pixel": 2.5}}}
-    yield "foil", {"upload": photographs("foil"), "options": {"geometry": geometry, "bins": [24, 16]}}
+    yield "foil", {"upload": photographs("foil", "foil/frames.json"), "options": {"geometry": geometry, "bins": [24, 16]}}
     yield "spots", {"session": session({"kind": "spots", "spots": {"fringes": fringes}}), "options": {}}
-    yield "flash", {"upload": upload("photographs", *Path("tiles").glob("*.png"), frames="tiles/frames.json"), "options": tiles}
+    yield "flash", {"upload": photographs("tiles", "tiles/frames.json"), "options": tiles}
     yield "brdf", {"upload": upload("surface", "heights.exr"), "options": {"size": 16, "settings": {"coherence_um": 8}}}
     yield "map", {"upload": upload("maps", *Path("drawn").glob("*.exr")), "options": {"tile": [2, 1], "layout": "mirror"}}
     boards = upload("photographs", *sorted(Path().glob("board*.png")))
@@ -96,7 +101,8 @@ def orders():
 def run(name, order):
     """Runs an operation; returns its report."""
     module = importlib.import_module(f"nacre_client.api.operations.run_{name}")
-    body = getattr(models, f"{name.capitalize()}Order").from_dict(order)
+    request = DOCUMENT["paths"][f"/api/v1/operations/{name}"]["post"]["requestBody"]["content"]["application/json"]
+    body = getattr(models, request["schema"]["$ref"].rsplit("/", 1)[1]).from_dict(order)
     job = module.sync(client=client, body=body)
     for _ in range(1200):
         done = reconstruction.sync(getattr(job, "id", None) or sys.exit(f"{name}: {job}"), client=client)

@@ -5,6 +5,7 @@
 mod access;
 mod bench;
 mod charts;
+mod clients;
 pub mod config;
 mod connections;
 mod deletion;

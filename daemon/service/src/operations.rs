@@ -135,6 +135,7 @@ pub fn describe(document: &mut Value) {
         schemas.insert(name, schema);
     }
     schemas.extend(told_apart(reports.take_definitions(true), schemas));
+    super::clients::simplify(schemas);
 }
 
 /// Definitions of reports. A definition that differs from a known schema of the same name is renamed: options in a
