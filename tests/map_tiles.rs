@@ -2,17 +2,53 @@
 
 #![allow(clippy::unwrap_used)]
 
+use nacre_processing::image::{Attribute, write_exr};
 use nacre_tests::Place;
-use nacre_tests::http::{Service, begin, finished, plan};
+use nacre_tests::http::Service;
 use serde_json::{Value, json};
-use std::f64::consts::PI;
+use std::f32::consts::PI;
 
-/// A session of a simulated sample; the path of its results.
-fn result(service: &Service) -> String {
-    let id = begin(service, &plan(4, 10.0));
-    finished(service, &id);
-    service.until(&format!("/api/v1/sessions/{id}"), |s| s["has_results"] == true);
-    format!("/api/v1/reconstructions/{id}")
+/// Width and height of the maps.
+pub const SIZE: [usize; 2] = [300, 280];
+
+/// A result with maps of orientation and period, their σ and mask, and a masked disc; `offset` is added to the
+/// orientations. Answers with its id.
+pub fn maps(place: &Place, service: &Service, offset: f32) -> String {
+    let [width, height] = SIZE;
+    let masked = |x: usize, y: usize| (x as f32 - 60.0).hypot(y as f32 - 200.0) < 25.0;
+    let write = |name: &str, units: &str, value: &(dyn Fn(usize, usize) -> [f32; 2] + Sync)| {
+        let attributes = [("units", Attribute::Text(units.into())), ("pixel_um", Attribute::Number(12.5))];
+        let path = place.path(&format!("{name}.exr"));
+        let fill = |c: usize, y: usize, row: &mut [f32]| {
+            for (x, v) in row.iter_mut().enumerate() {
+                let hidden = masked(x, y);
+                *v = if c == 2 {
+                    f32::from(u8::from(!hidden))
+                } else if hidden {
+                    f32::NAN
+                } else {
+                    value(x, y)[c]
+                };
+            }
+        };
+        write_exr(&path, width, height, &[name, "sigma", "mask"], &attributes, &fill).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    let orientation = write("orientation", "orientation, sigma: rad", &|x, y| {
+        [(0.004 * x as f32 + 0.003 * y as f32 + offset).rem_euclid(PI), 0.002 + 1e-5 * x as f32]
+    });
+    let period = write("period", "period, sigma: um", &|x, y| {
+        [1.2 + 0.001 * x as f32 + 0.0002 * ((7 * x + 13 * y) % 11) as f32, 0.01 + 1e-5 * y as f32]
+    });
+    let parts: [(&str, &str, &[u8]); 3] =
+        [("kind", "", b"maps"), ("file", "orientation.exr", &orientation), ("file", "period.exr", &period)];
+    let upload = service.upload(&parts).expect(201).json()["id"].clone();
+    let order = json!({ "upload": upload, "method": "map", "options": { "rotate_deg": 180 } });
+    let id = service.post("/api/v1/reconstructions", &order).expect(202).json()["id"].as_str().unwrap().to_owned();
+    let path = format!("/api/v1/reconstructions/{id}");
+    let done = service.until(&path, |j| j["state"] != "queued" && j["state"] != "running");
+    assert_eq!(done["state"], "done", "{done}");
+    id
 }
 
 fn floats(bytes: &[u8]) -> Vec<f32> {
@@ -27,11 +63,11 @@ fn values(service: &Service, base: &str, map: &str, count: usize) -> Vec<f32> {
 
 #[test]
 fn tiles_and_statistics_agree_with_the_files() {
-    let place = Place::with_bench("", "camera = { width = 300, height = 280 }");
+    let place = Place::with_bench("", "camera = { width = 64, height = 48 }");
     let service = Service::start(&place, &[]);
-    let base = result(&service);
-    let maps = service.get(&format!("{base}/maps")).expect(200).json();
-    let named = |name: &str| maps.as_array().unwrap().iter().find(|m| m["name"] == name).unwrap().clone();
+    let base = format!("/api/v1/reconstructions/{}", maps(&place, &service, 0.0));
+    let listed = service.get(&format!("{base}/maps")).expect(200).json();
+    let named = |name: &str| listed.as_array().unwrap().iter().find(|m| m["name"] == name).unwrap().clone();
     let orientation = named("orientation");
     assert_eq!(
         [&orientation["width"], &orientation["height"], &orientation["levels"]],
@@ -41,7 +77,8 @@ fn tiles_and_statistics_agree_with_the_files() {
     assert_eq!(orientation["sigma"], "sigma");
     assert_eq!(named("mask")["kind"], "mask");
     // Maps without a name of their own have that of file and channel.
-    assert_eq!(named("stokes.S1")["width"], 300);
+    assert_eq!([&named("period.mask")["width"], &named("period")["unit"]], [&json!(300), &json!("um")]);
+    assert_eq!([&named("period")["sigma"], &named("period")["pixel_um"]], [&json!("period_sigma"), &json!(12.5)]);
 
     let all = values(&service, &base, "orientation", 300 * 280);
     for (column, row, width, height) in [(0, 0, 256, 256), (1, 0, 44, 256), (0, 1, 256, 24), (1, 1, 44, 24)] {
@@ -52,14 +89,15 @@ fn tiles_and_statistics_agree_with_the_files() {
             assert_eq!(v.to_bits(), all[300 * y + x].to_bits(), "{x}, {y}");
         }
     }
-    let s0 = values(&service, &base, "s0", 300 * 280);
-    let half = floats(&service.get(&format!("{base}/tiles/s0/1/0/0")).expect(200).body);
+    let period = values(&service, &base, "period", 300 * 280);
+    let half = floats(&service.get(&format!("{base}/tiles/period/1/0/0")).expect(200).body);
     assert_eq!(half.len(), 150 * 140);
-    let mean = 0.25 * (s0[2 * 300 + 4] + s0[2 * 300 + 5] + s0[3 * 300 + 4] + s0[3 * 300 + 5]);
+    let mean = 0.25 * (period[2 * 300 + 4] + period[2 * 300 + 5] + period[3 * 300 + 4] + period[3 * 300 + 5]);
     assert!((half[150 + 2] / mean - 1.0).abs() < 1e-5, "{} {mean}", half[152]);
 
-    let found = service.get(&format!("{base}/statistics/s0?x=10&y=20&w=100&h=50&bins=32")).expect(200).json();
-    let part: Vec<f64> = (20..70).flat_map(|y| (10..110).map(move |x| 300 * y + x)).map(|i| f64::from(s0[i])).collect();
+    let found = service.get(&format!("{base}/statistics/period?x=10&y=20&w=100&h=50&bins=32")).expect(200).json();
+    let part: Vec<f64> =
+        (20..70).flat_map(|y| (10..110).map(move |x| 300 * y + x)).map(|i| f64::from(period[i])).collect();
     let mean = part.iter().sum::<f64>() / 5000.0;
     let sd = (part.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 5000.0).sqrt();
     assert_eq!([&found["pixels"], &found["step"], &found["valid"]], [&json!(5000), &json!(1), &json!(5000)]);
@@ -80,29 +118,29 @@ fn tiles_and_statistics_agree_with_the_files() {
     let polygon = polygon.expect(200).json();
     let square = service.get(&format!("{base}/statistics/orientation?w=100&h=100")).expect(200).json();
     assert_eq!(polygon, square);
-    assert_eq!(square["histogram"]["high"].as_f64(), Some(PI));
+    assert_eq!(square["histogram"]["high"].as_f64(), Some(std::f64::consts::PI));
 }
 
 #[test]
 fn requests_beyond_a_map_are_refused_in_its_terms() {
     let place = Place::with_bench("", "camera = { width = 64, height = 48 }");
     let service = Service::start(&place, &[]);
-    let base = result(&service);
+    let base = format!("/api/v1/reconstructions/{}", maps(&place, &service, 0.0));
     for (path, status, words) in [
-        ("tiles/orientation/1/0/0", 404, "give a level from 0 to 0"),
-        ("tiles/orientation/0/1/0", 404, "1 columns and 1 rows of tiles"),
+        ("tiles/orientation/2/0/0", 404, "give a level from 0 to 1"),
+        ("tiles/orientation/0/2/0", 404, "2 columns and 2 rows of tiles"),
         ("tiles/orientation/0/0/4294967295", 404, "tiles, counted from 0"),
         ("tiles/nothing/0/0/0", 404, "maps lists the maps"),
         ("tiles/..%2Fsession.S0/0/0/0", 404, "maps lists the maps"),
         ("tiles/orientation/-1/0/0", 404, ""),
-        ("statistics/s0?x=64", 400, "holds no pixel of the map, which is 64 × 48"),
-        ("statistics/s0?bins=1", 400, "give 2 to 512"),
-        ("statistics/s0?polygon=1,2", 400, "3 to 64 corners"),
-        ("statistics/s0?polygon=0,0,9,0,9,9&x=1", 400, "together with"),
-        ("statistics/s0?colour=red", 400, "colour"),
-        ("profile/s0?x0=0&y0=0&x1=64&y1=0", 400, "give 0 to 63"),
-        ("profile/s0?x0=0&y0=0&x1=nan&y1=0", 400, "x1 is NaN"),
-        ("profile/s0?x0=0", 400, "y0"),
+        ("statistics/period?x=300", 400, "holds no pixel of the map, which is 300 × 280"),
+        ("statistics/period?bins=1", 400, "give 2 to 512"),
+        ("statistics/period?polygon=1,2", 400, "3 to 64 corners"),
+        ("statistics/period?polygon=0,0,9,0,9,9&x=1", 400, "together with"),
+        ("statistics/period?colour=red", 400, "colour"),
+        ("profile/period?x0=0&y0=0&x1=300&y1=0", 400, "give 0 to 299"),
+        ("profile/period?x0=0&y0=0&x1=nan&y1=0", 400, "x1 is NaN"),
+        ("profile/period?x0=0", 400, "y0"),
     ] {
         let answer = service.get(&format!("{base}/{path}")).expect(status);
         assert_eq!(answer.header("content-type").as_deref(), Some("application/problem+json"), "{path}");

@@ -2,43 +2,38 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
+use crate::map_tiles::{SIZE, maps};
 use nacre_tests::Place;
 use nacre_tests::chromium::Browser;
-use nacre_tests::http::{Service, begin, finished, plan};
+use nacre_tests::http::Service;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 const CANVAS: &str = "document.querySelector('#result-map')";
 
-/// Width and height of the maps.
-const SIZE: [usize; 2] = [300, 280];
-
 struct Page {
     browser: Browser,
     service: Service,
     id: String,
-    #[allow(dead_code, reason = "the data live as long as the service")]
     place: Place,
 }
 
 impl Page {
-    /// A session of a simulated sample, and its result in the viewer.
+    /// Maps in the viewer.
     fn open() -> Option<Self> {
         let browser = Browser::start()?;
-        let place = Place::with_bench("", &format!("camera = {{ width = {}, height = {} }}", SIZE[0], SIZE[1]));
+        let place = Place::with_bench("", "camera = { width = 64, height = 48 }");
         let service = Service::start(&place, &[]);
-        let id = begin(&service, &plan(4, 10.0));
-        finished(&service, &id);
-        service.until(&format!("/api/v1/sessions/{id}"), |s| s["has_results"] == true);
+        let id = maps(&place, &service, 0.0);
         let page = Self { browser, service, id, place };
-        page.visit(&format!("result/{}", page.id));
+        page.visit();
         Some(page)
     }
 
-    fn visit(&self, page: &str) {
+    fn visit(&self) {
         self.browser.open("about:blank");
-        self.browser.open(&format!("http://{}/#/{page}", self.service.address));
+        self.browser.open(&format!("http://{}/#/maps/{}", self.service.address, self.id));
         self.settled();
     }
 
@@ -155,7 +150,10 @@ fn values_are_shown_with_their_uncertainty() {
             { "type": "keyUp", "value": "\u{E014}" }, { "type": "keyUp", "value": "\u{E008}" } ] }] }),
     );
     page.browser.until(&format!("{CANVAS}.view.picked?.x === {}", x + 1));
-    page.browser.until(&format!("document.body.innerText.includes('x {}, y {y} · S0')", x + 1));
+    page.browser.until(&format!(
+        "document.querySelector('#map-value').textContent.startsWith('x {}  y {y}   Orientation ')",
+        x + 1
+    ));
     page.accessible("a pixel");
     assert!(page.errors().is_empty(), "{:?}", page.errors());
 }
@@ -164,15 +162,15 @@ fn values_are_shown_with_their_uncertainty() {
 fn colours_follow_range_percentiles_and_palette() {
     let Some(page) = Page::open() else { return };
     let browser = &page.browser;
-    let s0 = page.values("s0");
-    let ([x, y], _) = pixels(&s0);
-    let value = f64::from(s0[y * SIZE[0] + x]);
-    browser.click("[data-key=s0]");
+    let period = page.values("period");
+    let ([x, y], _) = pixels(&period);
+    let value = f64::from(period[y * SIZE[0] + x]);
+    browser.click("[data-key=period]");
     browser.until("document.querySelector('.contrast .bars')?.getAttribute('d').length > 100");
     browser.until("document.querySelector('#range-percentiles').value === '1,99'");
     let ends =
         || ["low", "high"].map(|end| browser.run(&format!("return {CANVAS}.viewer.layerOf().{end}")).as_f64().unwrap());
-    let mut sorted = s0.clone();
+    let mut sorted = period.clone();
     sorted.sort_by(f32::total_cmp);
     let quantile = |q: f64| f64::from(sorted[(q * (sorted.len() - 1) as f64).round() as usize]);
     let close = |a: f64, b: f64| (a - b).abs() < 0.01 * (quantile(0.99) - quantile(0.01));
@@ -212,7 +210,7 @@ fn colours_follow_range_percentiles_and_palette() {
     colors.sort_unstable();
     colors.dedup();
     assert_eq!(colors.len(), 5, "{colors:?}");
-    browser.both("map-s0");
+    browser.both("map-period");
     // Directions have cyclic palettes, and P goes from one to the next.
     page.keys(&["1"]);
     browser.until("document.querySelector('#palette').value === 'cyclic'");
@@ -228,12 +226,12 @@ fn colours_follow_range_percentiles_and_palette() {
 fn lines_and_regions_are_measured() {
     let Some(page) = Page::open() else { return };
     let browser = &page.browser;
-    let s0 = page.values("s0");
-    browser.click("[data-key=s0]");
+    let period = page.values("period");
+    browser.click("[data-key=period]");
     browser.click("[data-key=line]");
     page.mouse(&[[40, 50], [60, 50], [139, 50]], true);
     browser.until("document.querySelector('#profile-chart path.fit')");
-    assert!(page.text("#measurement h2").eq_ignore_ascii_case("Profile of S0"), "{}", page.text("#measurement h2"));
+    assert!(page.text("#measurement h2").eq_ignore_ascii_case("Profile of Period"), "{}", page.text("#measurement h2"));
     let said = browser.run("return document.querySelector('#profile-chart').getAttribute('aria-label')");
     let count: usize = said.as_str().unwrap().split_once(": ").unwrap().1.split(' ').next().unwrap().parse().unwrap();
     assert!((99..=101).contains(&count), "{said}");
@@ -242,7 +240,7 @@ fn lines_and_regions_are_measured() {
     browser.run("document.querySelector('#measure-csv').click()");
     let table = std::fs::read_to_string(downloaded(folder.path(), ".csv")).unwrap();
     let row: Vec<f64> = table.lines().nth(50).unwrap().split(',').take(4).map(|n| n.parse().unwrap()).collect();
-    let wanted = f64::from(s0[row[2] as usize * SIZE[0] + row[1] as usize]);
+    let wanted = f64::from(period[row[2] as usize * SIZE[0] + row[1] as usize]);
     assert!((row[3] / wanted - 1.0).abs() < 1e-5, "{row:?} {wanted}");
     browser.both("map-profile");
 
@@ -253,7 +251,7 @@ fn lines_and_regions_are_measured() {
     let corners = browser.run(&format!("return {CANVAS}.viewer.shapes.shape.corners"));
     let corner = |k: usize, axis: usize| corners[k][axis].as_u64().unwrap() as usize;
     let inside = (corner(0, 1)..corner(1, 1)).flat_map(|y| (corner(0, 0)..corner(1, 0)).map(move |x| y * SIZE[0] + x));
-    let part: Vec<f64> = inside.map(|i| f64::from(s0[i])).collect();
+    let part: Vec<f64> = inside.map(|i| f64::from(period[i])).collect();
     assert!((9_600..=10_500).contains(&part.len()), "{corners}");
     let mean = part.iter().sum::<f64>() / part.len() as f64;
     let figure = "document.querySelector('#measurement .figures strong').textContent";
@@ -284,11 +282,8 @@ fn lines_and_regions_are_measured() {
 fn maps_are_compared() {
     let Some(page) = Page::open() else { return };
     let browser = &page.browser;
-    let asked = json!({ "session": page.id, "method": "polarization", "offset_deg": 50 });
-    let other =
-        page.service.post("/api/v1/reconstructions", &asked).expect(202).json()["id"].as_str().unwrap().to_owned();
-    page.service.until(&format!("/api/v1/reconstructions/{other}"), |j| j["state"] == "done");
-    page.visit(&format!("result/{}", page.id));
+    let other = maps(&page.place, &page.service, 50_f32.to_radians());
+    page.visit();
     let orientation = page.values("orientation");
     let ([_, y], _) = pixels(&orientation);
     let row = |range: std::ops::Range<usize>| range.clone().find(|x| orientation[y * SIZE[0] + x].is_finite()).unwrap();
@@ -365,8 +360,8 @@ fn layers_figures_and_keys() {
     browser.run("window.scrollTo(0, 0)");
     browser.click("#figure-svg");
     let drawing = std::fs::read_to_string(downloaded(folder.path(), ".svg")).unwrap();
-    for part in ["a tile", ">σ<", ">°<", " px</text>", "masked", "data:image/png;base64,"] {
-        assert!(drawing.contains(part) || (part == ">σ<" && drawing.contains("· σ<")), "no {part}");
+    for part in ["· σ</text>", ">°</text>", " mm</text>", ">masked</text>", "data:image/png;base64,"] {
+        assert!(drawing.contains(part), "no {part}");
     }
     browser.click("#figure-png");
     let picture = image::open(downloaded(folder.path(), ".png")).unwrap().to_rgb8();
@@ -378,13 +373,12 @@ fn layers_figures_and_keys() {
     assert_eq!(picture.get_pixel(1, 1).0, [255; 3]);
     assert!(picture.pixels().filter(|p| p.0 != [255; 3]).count() > 10_000);
 
-    // Maps of other results are shown by file and channel.
-    page.visit(&format!("maps/{}", page.id));
-    browser.choose("map-choice", "stokes.S1");
-    browser.until(&format!("{CANVAS}.viewer.layerOf().info.name === 'stokes.S1'"));
+    // Maps without a button are in the list.
+    browser.choose("map-choice", "period.mask");
+    browser.until(&format!("{CANVAS}.viewer.layerOf().info.name === 'period.mask'"));
     page.settled();
-    page.accessible("all maps");
-    browser.both("maps");
+    page.accessible("a map of the list");
+    browser.both("map-mask");
     assert!(page.errors().is_empty(), "{:?}", page.errors());
 }
 
