@@ -170,7 +170,7 @@ fn colours_follow_range_percentiles_and_palette() {
     browser.until("document.querySelector('#range-percentiles').value === '1,99'");
     let ends =
         || ["low", "high"].map(|end| browser.run(&format!("return {CANVAS}.viewer.layerOf().{end}")).as_f64().unwrap());
-    let mut sorted = period.clone();
+    let mut sorted: Vec<f32> = period.iter().copied().filter(|v| v.is_finite()).collect();
     sorted.sort_by(f32::total_cmp);
     let quantile = |q: f64| f64::from(sorted[(q * (sorted.len() - 1) as f64).round() as usize]);
     let close = |a: f64, b: f64| (a - b).abs() < 0.01 * (quantile(0.99) - quantile(0.01));

@@ -36,7 +36,7 @@ export function colorsPanel({ base, palette, maps, changed, signal }) {
   const hasDirections = maps.some((m) => m.kind === "direction");
   const note = h("p", { class: "soft", id: "range-note" });
   const legend = h("div", { class: "legend" }, rose, valid);
-  const element = panel("Colours", null, h("div", { class: "stack" }, h("div", { class: "row end colors" }, field("Palette", palettes), fade, hasDirections && glyphs), h("div", { class: "legends" }, legend, box.element), note, maskedKey()));
+  const element = panel("Colours", null, h("div", { class: "stack" }, h("div", { class: "row end colors" }, field("Palette", palettes), fade, hasDirections && glyphs), h("div", { class: "legends" }, legend, box.element), h("div", { class: "row between" }, maskedKey(), note)));
   addEventListener("themechange", () => rose.refresh(), { signal });
   rose.dye(palette === "hsv" ? "hsv" : "cyclic");
 

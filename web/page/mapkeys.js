@@ -33,7 +33,7 @@ export function showKeys() {
   shown = true;
   const close = h("button", { class: "primary", value: "yes" }, "Close");
   const dialog = h("dialog", { "aria-label": "Keys of the map", class: "keys" },
-    h("form", { method: "dialog" }, h("h1", {}, "Keys of the map"),
+    h("form", { method: "dialog" }, h("h2", {}, "Keys of the map"),
       h("dl", { class: "facts" }, KEYS.map(([key, use]) => [h("dt", {}, h("kbd", {}, key)), h("dd", {}, use)])),
       h("div", { class: "row" }, close)));
   open(dialog, () => { shown = false; });

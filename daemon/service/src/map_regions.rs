@@ -59,7 +59,7 @@ pub struct RegionQuery {
 
 /// Values of a region. Angles are those of lines: mean and standard deviation are circular.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Statistics {
+pub struct MapStatistics {
     /// Pixels of the region.
     pixels: u64,
     /// Every n-th row and column was read.
@@ -74,14 +74,14 @@ pub struct Statistics {
     /// Standard deviation of the values.
     sd: Option<f64>,
     /// None for angles.
-    percentiles: Vec<Percentile>,
+    percentiles: Vec<MapPercentile>,
     /// None without a valid value.
-    histogram: Option<Histogram>,
+    histogram: Option<MapHistogram>,
 }
 
 /// A value that a share of all values lies below.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Percentile {
+pub struct MapPercentile {
     percent: f64,
     value: f64,
 }
@@ -89,7 +89,7 @@ pub struct Percentile {
 /// Number of values in bins of equal width from `low` to `high`: from the 0.1st to the 99.9th percentile, and from 0 to
 /// π for angles.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Histogram {
+pub struct MapHistogram {
     low: f64,
     high: f64,
     counts: Vec<u64>,
@@ -112,7 +112,7 @@ pub struct LineQuery {
 
 /// Values of the nearest pixels along a line, evenly spaced and at most 4096; null where masked.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct LineProfile {
+pub struct MapProfile {
     /// Length of the line in pixels.
     length_px: f64,
     /// Columns of the pixels.
@@ -128,12 +128,12 @@ pub struct LineProfile {
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/statistics/{map}", tag = "reconstructions",
     operation_id = "map_statistics",
     params(("id" = String, Path), ("map" = String, Path, description = "A name of `maps`"), RegionQuery),
-    responses((status = 200, body = Statistics), (status = 400, body = Problem), (status = 404, body = Problem)))]
+    responses((status = 200, body = MapStatistics), (status = 400, body = Problem), (status = 404, body = Problem)))]
 pub async fn statistics(
     State(app): State<Arc<App>>,
     At((id, map)): At<(String, String)>,
     Params(query): Params<RegionQuery>,
-) -> Answer<Json<Statistics>> {
+) -> Answer<Json<MapStatistics>> {
     let folder = app.place(&id).await?.results;
     let bins = query.bins.unwrap_or(BINS);
     if !(2..=512).contains(&bins) {
@@ -151,12 +151,12 @@ pub async fn statistics(
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/profile/{map}", tag = "reconstructions",
     operation_id = "map_profile",
     params(("id" = String, Path), ("map" = String, Path, description = "A name of `maps`"), LineQuery),
-    responses((status = 200, body = LineProfile), (status = 400, body = Problem), (status = 404, body = Problem)))]
+    responses((status = 200, body = MapProfile), (status = 400, body = Problem), (status = 404, body = Problem)))]
 pub async fn profile(
     State(app): State<Arc<App>>,
     At((id, map)): At<(String, String)>,
     Params(line): Params<LineQuery>,
-) -> Answer<Json<LineProfile>> {
+) -> Answer<Json<MapProfile>> {
     let folder = app.place(&id).await?.results;
     let work = move || {
         let map = locate(&folder, &map)?;
@@ -164,7 +164,7 @@ pub async fn profile(
         let value = along(&map, &points)?;
         let sigma = map.sigma.as_deref().map(|name| along(&locate(&folder, name)?, &points)).transpose()?;
         let (x, y) = points.into_iter().map(|[x, y]| (x, y)).unzip();
-        Ok(LineProfile { length_px: (line.x1 - line.x0).hypot(line.y1 - line.y0), x, y, value, sigma })
+        Ok(MapProfile { length_px: (line.x1 - line.x0).hypot(line.y1 - line.y0), x, y, value, sigma })
     };
     Ok(Json(app.heavy.work(work).await?))
 }
@@ -246,7 +246,7 @@ fn corners(text: &str) -> Answer<Vec<[f64; 2]>> {
 }
 
 /// Statistics of the valid values of a region; rows that do not count are not read.
-fn statistics_of(map: &Located, region: &Region, bins: usize) -> Answer<Statistics> {
+fn statistics_of(map: &Located, region: &Region, bins: usize) -> Answer<MapStatistics> {
     let pixels = region.pixels();
     let step = ((pixels as f64 / MOST_VALUES as f64).sqrt().ceil() as usize).max(1);
     let wanted = |y: usize| region.rows.contains(&y) && (y - region.rows.start) % step == 0;
@@ -268,7 +268,7 @@ fn statistics_of(map: &Located, region: &Region, bins: usize) -> Answer<Statisti
     Ok(found)
 }
 
-fn numbers(values: &mut [f32], bins: usize) -> Statistics {
+fn numbers(values: &mut [f32], bins: usize) -> MapStatistics {
     values.sort_unstable_by(f32::total_cmp);
     let count = values.len() as f64;
     let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / count;
@@ -279,9 +279,9 @@ fn numbers(values: &mut [f32], bins: usize) -> Statistics {
         Some(low? + (high? - low?) * place.fract())
     };
     let percentiles =
-        PERCENTS.iter().filter_map(|percent| Some(Percentile { percent: *percent, value: at(*percent)? }));
+        PERCENTS.iter().filter_map(|percent| Some(MapPercentile { percent: *percent, value: at(*percent)? }));
     let histogram = at(TAIL).zip(at(100.0 - TAIL)).map(|(low, high)| histogram(values, low, high, bins));
-    Statistics {
+    MapStatistics {
         pixels: 0,
         step: 1,
         read: 0,
@@ -296,7 +296,7 @@ fn numbers(values: &mut [f32], bins: usize) -> Statistics {
 }
 
 /// Statistics of angles of lines, on the circle of twice the angle (Mardia and Jupp, "Directional Statistics", 2.3.1).
-fn directions(values: &[f32], bins: usize) -> Statistics {
+fn directions(values: &[f32], bins: usize) -> MapStatistics {
     let count = values.len() as f64;
     let [cos, sin] = values.iter().fold([0.0, 0.0], |[c, s], v| {
         let (sin, cos) = (2.0 * f64::from(*v)).sin_cos();
@@ -305,7 +305,7 @@ fn directions(values: &[f32], bins: usize) -> Statistics {
     let length = (cos.hypot(sin) / count).min(1.0);
     let known = |v: f64| Some(v).filter(|v| v.is_finite() && count > 0.0);
     let [min, max] = ends(values.iter().map(|v| f64::from(*v)));
-    Statistics {
+    MapStatistics {
         pixels: 0,
         step: 1,
         read: 0,
@@ -319,13 +319,13 @@ fn directions(values: &[f32], bins: usize) -> Statistics {
     }
 }
 
-fn histogram(values: &[f32], low: f64, high: f64, bins: usize) -> Histogram {
+fn histogram(values: &[f32], low: f64, high: f64, bins: usize) -> MapHistogram {
     let mut counts = vec![0; bins];
     let scale = if high > low { bins as f64 / (high - low) } else { 0.0 };
     for value in values.iter().map(|v| f64::from(*v)).filter(|v| (low..=high).contains(v)) {
         counts[(((value - low) * scale) as usize).min(bins - 1)] += 1;
     }
-    Histogram { low, high, counts }
+    MapHistogram { low, high, counts }
 }
 
 /// Pixels along a line.
