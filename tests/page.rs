@@ -54,6 +54,7 @@ fn every_page_is_accessible_light_and_stands_still() {
         ("render".into(), "document.body.innerText.includes('Rolled sheet')"),
         (format!("session/{id}"), "document.querySelector('#session-state').textContent.includes('inished')"),
         (format!("result/{id}"), "document.querySelector('a[data-download=npy]')"),
+        (format!("maps/{id}"), "document.querySelector('a[data-download=npy]')"),
         (format!("view/{id}?quality=0.03"), "document.querySelector('#view').viewer.painter.count > 0"),
     ];
     for (page, there) in &pages {

@@ -26,6 +26,8 @@ mod kills;
 mod limits;
 mod lut;
 mod manual;
+mod map_tiles;
+mod map_viewer;
 mod names;
 mod one_device;
 mod operations;

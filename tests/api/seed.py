@@ -66,7 +66,7 @@ parameters = {{ "path.id" = "{rendered}" }}
 
 [[operations]]
 include-path-regex = "/reconstructions/"
-parameters = {{ "path.id" = "{job}", "path.file" = "orientation.png" }}
+parameters = {{ "path.id" = "{job}", "path.file" = "orientation.png", "path.map" = "orientation", "path.level" = 0, "path.column" = 0, "path.row" = 0 }}
 
 [[operations]]
 include-path-regex = "/uploads/.*id|/trash/"

@@ -29,6 +29,7 @@ const ROUTES = {
   trash: ["Trash", trashPage],
   upload: ["Upload", uploadPage],
   render: ["Render", renderPage],
+  maps: ["Maps", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./mapspage.js")).mapsPage(...visit)],
   // The viewer with its shaders is as much as all else, and is fetched when it is wanted.
   view: ["View", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./view.js")).viewPage(...visit)],
 };
@@ -50,7 +51,7 @@ async function route() {
   document.title = `${title} · Nacre`;
   const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll(".nav a"));
   for (const link of links) {
-    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && ["session", "result", "view", "trash"].includes(name)) || (link.hash === "#/bench" && name === "calibrate");
+    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && ["session", "result", "view", "maps", "trash"].includes(name)) || (link.hash === "#/bench" && name === "calibrate");
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }

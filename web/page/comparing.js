@@ -3,39 +3,52 @@
 import { h, pen, say } from "./dom.js";
 
 /**
+ * A line that is moved across an element by mouse, finger and arrow keys; `moved(percent)` gets its place in percent of
+ * the width.
+ * @param {{ id: string, within: () => Element, split: () => number, moved: (percent: number) => void, signal: AbortSignal }} options
+ */
+export function movableLine({ id, within, split, moved, signal }) {
+  const line = h("div", { class: "divider", id, role: "slider", tabindex: 0, "aria-label": "Line between the two results", "aria-valuemin": 0, "aria-valuemax": 100 });
+  const move = (percent) => moved(Math.min(100, Math.max(0, percent)));
+  line.addEventListener("pointerdown", (event) => line.setPointerCapture(event.pointerId), { signal });
+  line.addEventListener("pointermove", (event) => {
+    if (!line.hasPointerCapture(event.pointerId)) return;
+    const box = within().getBoundingClientRect();
+    move((100 * (event.clientX - box.left)) / box.width);
+  }, { signal });
+  line.addEventListener("keydown", (event) => {
+    const step = event.shiftKey ? 10 : 1;
+    const to = { ArrowLeft: split() - step, ArrowRight: split() + step, Home: 0, End: 100 }[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    move(to);
+  }, { signal });
+  /** Puts the line where it belongs, and says between which two it lies. */
+  const refresh = (first, second) => {
+    line.style.left = `${split()}%`;
+    line.setAttribute("aria-valuenow", String(Math.round(split())));
+    line.setAttribute("aria-valuetext", `${Math.round(split())} % of the width for ${first}, the rest for ${second}`);
+  };
+  return Object.assign(line, { refresh });
+}
+
+/**
  * What lies over the first canvas: the second one, cut off left of the line, the line, and what both are called.
  * `moved(percent)` is told where the line is put.
  */
 export function divider({ state, moved, signal }) {
   const canvas = h("canvas", { class: "view other", id: "view-other", "aria-hidden": "true" });
-  const line = h("div", { class: "divider", id: "view-divider", role: "slider", tabindex: 0, "aria-label": "Line between the two results", "aria-valuemin": 0, "aria-valuemax": 100 });
+  const line = movableLine({ id: "view-divider", within: () => element, split: () => state.split, signal, moved: (percent) => {
+    moved(percent);
+    refresh();
+  } });
   const [left, right] = [h("span", { class: "called" }), h("span", { class: "called right" })];
   const element = h("div", { class: "comparing", hidden: true }, canvas, left, right, line);
 
   function refresh() {
-    const at = `${state.split}%`;
-    line.style.left = at;
-    canvas.style.clipPath = `inset(0 0 0 ${at})`;
-    line.setAttribute("aria-valuenow", String(Math.round(state.split)));
-    line.setAttribute("aria-valuetext", `${Math.round(state.split)} % of the width for ${left.textContent}, the rest for ${right.textContent}`);
+    canvas.style.clipPath = `inset(0 0 0 ${state.split}%)`;
+    line.refresh(left.textContent, right.textContent);
   }
-  function move(split) {
-    moved(Math.min(100, Math.max(0, split)));
-    refresh();
-  }
-  line.addEventListener("pointerdown", (event) => line.setPointerCapture(event.pointerId), { signal });
-  line.addEventListener("pointermove", (event) => {
-    if (!line.hasPointerCapture(event.pointerId)) return;
-    const box = element.getBoundingClientRect();
-    move((100 * (event.clientX - box.left)) / box.width);
-  }, { signal });
-  line.addEventListener("keydown", (event) => {
-    const step = event.shiftKey ? 10 : 1;
-    const to = { ArrowLeft: state.split - step, ArrowRight: state.split + step, Home: 0, End: 100 }[event.key];
-    if (to === undefined) return;
-    event.preventDefault();
-    move(to);
-  }, { signal });
   return {
     element, canvas, refresh,
     /** Shows or hides the second one; names are those of both. */

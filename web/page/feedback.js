@@ -64,8 +64,13 @@ export function confirmed(title, text, action) {
   });
 }
 
-// Not modal as the browser means it: that would put STOP out of reach. A veil covers the page below the header.
-function open(dialog, closed) {
+/**
+ * Opens a dialog over the page; `closed` is called at its end. Not modal as the browser means it: that would put STOP
+ * out of reach. A veil covers the page below the header.
+ * @param {HTMLDialogElement} dialog
+ * @param {() => void} closed
+ */
+export function open(dialog, closed) {
   const before = /** @type {HTMLElement | null} */ (document.activeElement);
   const veil = h("div", { class: "veil" });
   dialog.addEventListener("keydown", (event) => event.key === "Escape" && dialog.close("no"));

@@ -13,11 +13,11 @@ const VIRIDIS = [
 
 const byte = (value) => Math.round(255 * Math.min(1, Math.max(0, value)));
 
+/** sRGB bytes of 0 to 1, dark to light. */
+export const viridisBytes = (/** @type {number} */ t) => [0, 1, 2].map((i) => byte(VIRIDIS.reduceRight((sum, c) => sum * t + c[i], 0)));
+
 /** Colour of 0 to 1, dark to light. */
-export function viridis(t) {
-  const rgb = [0, 1, 2].map((i) => byte(VIRIDIS.reduceRight((sum, c) => sum * t + c[i], 0)));
-  return `rgb(${rgb.join(" ")})`;
-}
+export const viridis = (/** @type {number} */ t) => `rgb(${viridisBytes(t).join(" ")})`;
 
 /** What the wheel of a palette says to those who do not see it. */
 const SPOKEN = {

@@ -1,28 +1,33 @@
 // A map under mouse, fingers and keys: pan, zoom, pick. Knows nothing of what the map means.
 
-import { firstOf, pen, settle } from "./dom.js";
+import { pen } from "./dom.js";
 
 const MOST_ZOOM = 64;
 const CLICK_PX = 4;
 
 /**
- * Shows a map of `width` × `height` pixels on a canvas. `load(region, width, signal)` resolves to an ImageBitmap of a
- * region ([x, y, w, h], null for all) at most `width` pixels wide; `pick(x, y)` is called with the pixel chosen.
+ * Shows a map of `width` × `height` pixels on a canvas. `paint(context, sight)` draws the visible part. `pick(x, y)` gets
+ * the chosen pixel, `hover` the pixel below the pointer or null; `moved` is called with every change of place or zoom.
+ * `draws(phase, point)` may take over a drag: it answers true at "down" if so, and then gets "move" and "up". `key` answers
+ * whether it took a key.
  */
 export class MapView {
   /**
    * @param {HTMLCanvasElement} canvas
-   * @param {{ width: number, height: number, load: (region: number[] | null, width: number, signal: AbortSignal) => Promise<ImageBitmap>,
-   *   pick: (x: number, y: number) => void, complain: (problem: Error) => void, signal: AbortSignal }} options
+   * @param {{ width: number, height: number, paint: (context: CanvasRenderingContext2D, view: Sight) => void, moved: () => void,
+   *   pick: (x: number, y: number) => void, hover: (pixel: Point | null) => void,
+   *   draws: (phase: "down" | "move" | "up", point: Point) => boolean, key: (event: KeyboardEvent) => boolean, signal: AbortSignal }} options
    */
-  constructor(canvas, { width, height, load, pick, complain, signal }) {
+  constructor(canvas, { width, height, paint, moved, pick, hover, draws, key, signal }) {
     this.canvas = canvas;
     this.width = width;
     this.height = height;
-    this.load = load;
+    this.paint = paint;
+    this.moved = moved;
     this.pick = pick;
-    this.complain = complain;
-    this.signal = signal;
+    this.hover = hover;
+    this.draws = draws;
+    this.key = key;
     this.context = pen(canvas);
     // Screen pixels (CSS) per map pixel, and the map's point in the middle of the canvas.
     // It is known once the canvas has a size.
@@ -30,41 +35,21 @@ export class MapView {
     this.lastFit = 0;
     /** @type {Point} */
     this.middle = [width / 2, height / 2];
-    /** @type {ImageBitmap | null} */
-    this.whole = null;
-    /** @type {{ bitmap: ImageBitmap, region: [number, number, number, number] } | null} */
-    this.detail = null;
     /** @type {{ x: number, y: number, deg: number | null } | null} */
     this.picked = null;
-    /** @type {AbortController | null} */
-    this.asking = null;
     this.travelled = 0;
+    this.drawing = false;
+    this.drew = false;
+    this.due = 0;
     /** @type {Map<number, Point>} */
     this.pointers = new Map();
-    this.generation = 0;
-    this.sharpen = settle(150, () => this.#loadDetail());
-    const calls = { wheel: this.#wheel, pointerdown: this.#down, pointermove: this.#move, pointerup: this.#up, pointercancel: this.#cancel, keydown: this.#key, dblclick: this.#double };
+    const calls = { wheel: this.#wheel, pointerdown: this.#down, pointermove: this.#move, pointerup: this.#up, pointercancel: this.#cancel, pointerleave: this.#leave, keydown: this.#key, dblclick: this.#double };
     for (const [name, call] of Object.entries(calls)) {
       canvas.addEventListener(name, (event) => call.call(this, event), { signal, passive: false });
     }
     const observer = new ResizeObserver(() => this.#resize());
     observer.observe(canvas);
     signal.addEventListener("abort", () => observer.disconnect());
-  }
-
-  /** Loads the picture anew, as after a change of what is shown. Place and zoom stay. */
-  async reload() {
-    const generation = ++this.generation;
-    this.detail = null;
-    try {
-      const whole = await this.load(null, Math.min(this.width, 1536), this.signal);
-      if (generation !== this.generation) return whole.close();
-      this.whole?.close();
-      this.whole = whole;
-      this.#changed();
-    } catch (problem) {
-      this.complain(problem);
-    }
   }
 
   /** Marks a pixel, with its orientation in degrees if it has one. */
@@ -94,13 +79,23 @@ export class MapView {
   }
 
   /**
-   * The map's point under a point of the canvas.
+   * The map's point under a point of the canvas. Pixels begin at integers.
    * @param {Point} point
    * @returns {Point}
    */
   toMap([x, y]) {
     const [w, h] = this.#size();
     return [this.middle[0] + (x - w / 2) / this.zoom, this.middle[1] + (y - h / 2) / this.zoom];
+  }
+
+  /**
+   * The canvas's point over a point of the map.
+   * @param {Point} point
+   * @returns {Point}
+   */
+  toCanvas([x, y]) {
+    const [w, h] = this.#size();
+    return [w / 2 + (x - this.middle[0]) * this.zoom, h / 2 + (y - this.middle[1]) * this.zoom];
   }
 
   #size() {
@@ -120,7 +115,7 @@ export class MapView {
 
   #changed() {
     this.draw();
-    this.sharpen();
+    this.moved();
   }
 
   #resize() {
@@ -133,22 +128,34 @@ export class MapView {
     this.#changed();
   }
 
-  /** Draws what there is: the whole map, sharper detail over it, the mark. */
+  /** Draws with the next frame. */
   draw() {
-    if (this.zoom === 0) return;
-    const { context, zoom } = this;
+    if (this.due === 0) this.due = requestAnimationFrame(() => { this.due = 0; this.#drawNow(); });
+  }
+
+  /** The visible part, in pixels of the map and of the device. */
+  sight() {
     const [w, h] = this.#size();
-    context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
-    context.clearRect(0, 0, w, h);
-    context.translate(w / 2 - this.middle[0] * zoom, h / 2 - this.middle[1] * zoom);
-    // Pixels stay pixels when enlarged: between two hues no other may appear.
-    const paint = (bitmap, x, y, width, height) => {
-      context.imageSmoothingEnabled = width * zoom * devicePixelRatio < bitmap.width;
-      context.drawImage(bitmap, x * zoom, y * zoom, width * zoom, height * zoom);
+    const [left, top] = this.toMap([0, 0]);
+    const [right, bottom] = this.toMap([w, h]);
+    const scale = this.zoom * devicePixelRatio;
+    return {
+      part: [Math.max(0, left), Math.max(0, top), Math.min(this.width, right), Math.min(this.height, bottom)],
+      scale, origin: [-left * scale, -top * scale],
     };
-    if (this.whole) paint(this.whole, 0, 0, this.width, this.height);
-    if (this.detail) paint(this.detail.bitmap, ...this.detail.region);
-    if (this.picked) this.#drawMark(this.picked);
+  }
+
+  #drawNow() {
+    if (this.zoom === 0) return;
+    const { context, canvas, zoom } = this;
+    const [w, h] = this.#size();
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    this.paint(context, this.sight());
+    if (!this.picked) return;
+    context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    context.translate(w / 2 - this.middle[0] * zoom, h / 2 - this.middle[1] * zoom);
+    this.#drawMark(this.picked);
   }
 
   #drawMark(picked) {
@@ -176,35 +183,6 @@ export class MapView {
     context.restore();
   }
 
-  /** Fetches the visible part at full resolution, where the whole picture is too coarse. */
-  async #loadDetail() {
-    if (!this.whole || this.signal.aborted) return;
-    const coarse = this.whole.width < this.width && this.zoom * devicePixelRatio * this.width > this.whole.width * 1.05;
-    this.asking?.abort();
-    if (!coarse) {
-      this.detail = null;
-      return;
-    }
-    const generation = this.generation;
-    const [w, h] = this.#size();
-    const [left, top] = this.toMap([0, 0]).map((v) => Math.max(0, Math.floor(v)));
-    const [right, bottom] = this.toMap([w, h]);
-    /** @type {[number, number, number, number]} */
-    const region = [left, top, Math.min(this.width, Math.ceil(right)) - left, Math.min(this.height, Math.ceil(bottom)) - top];
-    if (region[2] < 1 || region[3] < 1) return;
-    this.asking = new AbortController();
-    try {
-      const pixels = Math.min(region[2], Math.ceil(region[2] * this.zoom * devicePixelRatio));
-      const bitmap = await this.load(region, pixels, firstOf(this.signal, this.asking.signal));
-      if (generation !== this.generation) return bitmap.close();
-      this.detail?.bitmap.close();
-      this.detail = { bitmap, region };
-      this.draw();
-    } catch (problem) {
-      this.complain(problem);
-    }
-  }
-
   /** @returns {Point} */
   #point(event) {
     const box = this.canvas.getBoundingClientRect();
@@ -218,7 +196,7 @@ export class MapView {
   }
 
   #double(event) {
-    this.scale(2, this.#point(event));
+    if (!this.drew) this.scale(2, this.#point(event));
   }
 
   #down(event) {
@@ -226,17 +204,22 @@ export class MapView {
     this.canvas.setPointerCapture(event.pointerId);
     if (this.pointers.size === 0) this.travelled = 0;
     this.pointers.set(event.pointerId, this.#point(event));
+    this.drawing = this.drew = this.pointers.size === 1 && this.draws("down", this.toMap(this.#point(event)));
   }
 
   #move(event) {
     const before = this.pointers.get(event.pointerId);
-    if (!before) return;
     const now = this.#point(event);
+    const [x, y] = this.toMap(now).map(Math.floor);
+    this.hover(this.#holds(x, y) ? [x, y] : null);
+    if (!before) return;
     const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, p]) => p);
     this.pointers.set(event.pointerId, now);
     this.travelled += Math.hypot(now[0] - before[0], now[1] - before[1]);
     if (this.travelled < CLICK_PX) return;
-    if (others.length) {
+    if (this.drawing && !others.length) {
+      this.draws("move", this.toMap(now));
+    } else if (others.length) {
       const distance = (p) => Math.hypot(p[0] - others[0][0], p[1] - others[0][1]) || 1;
       this.scale(distance(now) / distance(before), others[0]);
     } else {
@@ -247,20 +230,37 @@ export class MapView {
   #up(event) {
     const point = this.pointers.get(event.pointerId);
     this.pointers.delete(event.pointerId);
-    if (point && this.pointers.size === 0 && this.travelled < CLICK_PX) this.#pickAt(this.toMap(point));
+    if (!point || this.pointers.size) return;
+    if (this.drawing) this.draws("up", this.toMap(point));
+    else if (this.travelled < CLICK_PX) this.#pickAt(this.toMap(point));
+    this.drawing = false;
+  }
+
+  #leave(event) {
+    // A finger leaves with every tap, and the value is to stay.
+    if (event.pointerType !== "touch") this.hover(null);
   }
 
   #cancel(event) {
     this.pointers.delete(event.pointerId);
+    this.drawing = false;
+  }
+
+  #holds(x, y) {
+    return x >= 0 && y >= 0 && x < this.width && y < this.height;
   }
 
   /** @param {Point} point */
   #pickAt([x, y]) {
     const [px, py] = [Math.floor(x), Math.floor(y)];
-    if (px >= 0 && py >= 0 && px < this.width && py < this.height) this.pick(px, py);
+    if (!this.#holds(px, py)) return;
+    this.hover([px, py]);
+    this.pick(px, py);
   }
 
   #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (this.key(event)) return event.preventDefault();
     const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (step && event.shiftKey) {
       const { x, y } = this.picked ?? { x: this.middle[0], y: this.middle[1] };

@@ -64,6 +64,7 @@ export async function showPictures(main, job, signal) {
   });
   main.append(
     h("div", { class: "head" }, headingOf(job),
+      files.some((f) => f.name.endsWith(".exr")) ? h("a", { class: "button primary", id: "to-maps", href: `#/maps/${job.id}` }, "Map viewer") : null,
       files.some((f) => RENDERED.includes(f.name)) ? h("a", { class: "button", href: `#/render/${job.id}` }, "Render") : null,
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },

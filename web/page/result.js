@@ -1,11 +1,9 @@
 // #/result/ID: the maps of a reconstruction, one pixel in detail, downloads, the report; before that, its progress.
 
 import { get, listen, makeDownload, picture, post } from "./api.js";
-import { h, panel, say, segments } from "./dom.js";
+import { h, panel, say } from "./dom.js";
 import { complain, problemMessage, tell } from "./feedback.js";
 import { degrees, duration, fixed, percent, significant } from "./format.js";
-import { bar, maskedKey, wheel } from "./legend.js";
-import { MapView } from "./mapview.js";
 import { forFile, headingOf } from "./naming.js";
 import { operationForm } from "./operationform.js";
 import { showPictures } from "./pictures.js";
@@ -13,10 +11,9 @@ import { pixelChart } from "./pixelchart.js";
 import { soFar } from "./rendering.js";
 import { reportView } from "./report.js";
 
-const MAPS = [["orientation", "Orientation"], ["sigma", "σ"], ["dolp", "DoLP"], ["mask", "Mask"], ["s0", "S0"], ["aolp", "AoLP"]];
-const PLAIN = [["aolp", "AoLP"], ["dolp", "DoLP"], ["sigma", "σ"], ["mask", "Mask"], ["s0", "S0"]];
-const SMOOTHED = ["smoothed", "Smoothed"];
-const PERIOD = ["period", "Period"];
+/** Maps in the order in which they are wanted. */
+const ORDER = ["orientation", "smoothed", "period", "sigma", "dolp", "mask", "s0", "aolp"];
+const PLAIN = ["aolp", "dolp", "sigma", "mask", "s0"];
 const MEANING = {
   orientation: "Direction of the grating vector, across the grooves, anticlockwise from image right, up to one offset that all pixels share.",
   smoothed: "The orientations after the bilateral filter, for the eye: measure on the map beside it.",
@@ -99,73 +96,42 @@ async function showProgress(main, job, signal) {
  * @param {Job} job
  * @param {AbortSignal} signal
  */
-function showMaps(main, job, signal) {
+async function showMaps(main, job, signal) {
   const { report } = job;
   const base = `/reconstructions/${job.id}`;
   const plain = report.model === "plain";
-  const { strength, map, exr } = report.smoothing ?? {};
-  // Reports of earlier versions do not say whether there is a smoothed map, and have one.
-  const smoothed = exr ?? (strength !== "none" && map === false);
-  const gratings = [...MAPS.slice(0, 1), ...(smoothed ? [SMOOTHED] : []), ...(report.period ? [PERIOD] : []), ...MAPS.slice(1)];
-  const maps = plain ? PLAIN : gratings;
-  let shown = maps[0][0];
-  const canvas = h("canvas", { id: "result-map", class: "map", tabindex: 0, role: "application", "aria-roledescription": "map" });
-  const where = h("output", { class: "where" });
-  const legend = h("div", { class: "legend" });
+  // The viewer is fetched when it is wanted, as it is a third of the page's scripts.
+  const { mapViewer, mapsOf } = await import("./mapviewer.js");
+  const first = plain ? PLAIN : ORDER;
+  const maps = await mapsOf(job.id, first, signal);
+  if (signal.aborted) return;
   const meaning = h("p", { class: "soft" });
-  const rose = wheel();
   const links = FORMATS.map(([ending, label]) => h("a", { class: "button", "data-download": ending }, label));
-  const choice = segments("Map", maps, shown, (key) => { shown = key; change(); });
-  const zoom = (label, text, call) => h("button", { type: "button", class: "icon", "aria-label": label, title: label, onclick: call }, text);
-
   let asked = 0;
-  const load = async (region, width, stop) => {
-    const part = region ? `&x=${region[0]}&y=${region[1]}&w=${region[2]}&h=${region[3]}` : "";
-    const map = shown;
-    const { blob, range, palette } = await picture(`${base}/maps/${map}.png?width=${width}${part}`, { signal: stop });
-    rose.dye(palette);
-    if (map === shown && !region) paintLegend(range);
-    return createImageBitmap(blob);
-  };
-  const view = new MapView(canvas, { width: report.width, height: report.height, load, pick, complain, signal });
-  canvas.addEventListener("pointermove", (event) => {
-    const box = canvas.getBoundingClientRect();
-    const [x, y] = view.toMap([event.clientX - box.left, event.clientY - box.top]).map(Math.floor);
-    say(where, x >= 0 && y >= 0 && x < report.width && y < report.height ? `x ${x}  y ${y}` : "");
-  }, { signal });
-
-  function paintLegend(range) {
-    if (["orientation", "smoothed", "aolp"].includes(shown)) legend.replaceChildren(rose, maskedKey());
-    else if (shown === "mask") legend.replaceChildren(h("p", { class: "row" }, h("span", { class: "swatch white" }), "valid"), h("p", { class: "row" }, h("span", { class: "swatch black" }), "masked"));
-    else legend.replaceChildren(bar(range, { sigma: "°", period: " µm" }[shown] ?? "", shown === "s0"), ...(shown === "s0" ? [] : [maskedKey()]));
-    rose.refresh();
-  }
-  function change() {
-    say(meaning, shown === "period" ? periodMeaning(report.period) : (plain && PLAIN_MEANING[shown]) || MEANING[shown]);
-    canvas.setAttribute("aria-label", `${maps.find(([key]) => key === shown)?.[1]} map. Arrows move it, plus and minus zoom, 0 shows all, Enter picks the middle, Shift with arrows goes from pixel to pixel.`);
-    paintLegend(null);
-    for (const link of links) makeDownload(link, `${base}/maps/${shown}.${link.dataset.download}`, `${forFile(job)}-${shown}.${link.dataset.download}`, complain);
-    view.reload();
+  function shown(/** @type {MapInfo} */ { name }) {
+    say(meaning, name === "period" && report.period ? periodMeaning(report.period) : (plain && PLAIN_MEANING[name]) || (MEANING[name] ?? ""));
+    for (const link of links) makeDownload(link, `${base}/maps/${name}.${link.dataset.download}`, `${forFile(job)}-${name}.${link.dataset.download}`, complain);
   }
 
   const detail = h("div", { class: "stack", "aria-live": "polite" }, h("p", { class: "soft" }, "Click the map to see how a pixel was measured."));
   async function pick(x, y) {
     const mine = ++asked;
-    view.mark(x, y, null);
+    viewer.mark(x, y, null);
     try {
       const pixel = await get(`${base}/pixel?x=${x}&y=${y}`, { signal });
       if (mine !== asked) return;
       const angle = plain ? pixel.aolp_deg : pixel.orientation_deg;
-      view.mark(x, y, angle);
-      rose.mark(angle);
+      viewer.mark(x, y, angle);
       detail.replaceChildren(h("p", { class: "verdict" }, verdict(pixel, angle, plain)), report.period && !pixel.masked ? h("p", {}, periodVerdict(pixel, report.period)) : "", pixelChart(pixel),
         h("p", { class: "soft" }, `x ${x}, y ${y} · S0 ${significant(pixel.s0)} · S1 ${significant(pixel.s1)} · S2 ${significant(pixel.s2)} · DoLP ${fixed(pixel.dolp, 3)} · residual ${significant(pixel.residual_rms, 2)} rms`));
     } catch (problem) {
       if (mine === asked && problem.name !== "AbortError") detail.replaceChildren(problemMessage(problem));
     }
   }
+  // Reports of versions that had hues alone do not name the palette.
+  const viewer = mapViewer({ id: job.id, method: "polarization", maps, first, palette: report.palette ?? "hsv", title: job.name, named: forFile(job), pick, shown, signal,
+    under: h("div", { class: "under" }, h("div", { class: "stack" }, meaning, h("div", { class: "row" }, h("span", { class: "soft" }, "Download this map"), links))) });
 
-  addEventListener("themechange", () => rose.refresh(), { signal });
   const options = operationForm("polarization", { ...job.options });
   const again = h("button", { type: "button", id: "again", onclick: async () => {
     try {
@@ -184,17 +150,11 @@ function showMaps(main, job, signal) {
       plain ? null : h("a", { class: "button", href: `#/render/${job.id}` }, "Render"),
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },
-      h("section", { class: "panel mappanel", "aria-label": "Map" },
-        h("header", {}, choice, h("div", { class: "row" }, zoom("Zoom in", "+", () => view.scale(1.4)), zoom("Zoom out", "−", () => view.scale(1 / 1.4)), zoom("Show all", "⤢", () => view.fit()))),
-        h("div", { class: "well mapwell" }, canvas, where),
-        h("div", { class: "under" }, legend, h("div", { class: "stack" }, meaning, h("div", { class: "row" }, h("span", { class: "soft" }, "Download this map"), links)))),
-      h("div", { class: "stack" },
+      viewer.element,
+      h("div", { class: "stack" }, viewer.aside,
         panel("Pixel", null, detail),
         panel("Report", null, reportView(report)),
         panel("Options", null, options.element, h("div", { class: "row end" }, again)))));
-  change();
-  // For tests and the console: what the map shows can be moved by script.
-  Object.assign(canvas, { view });
 }
 
 /** What the map of periods is worth. */

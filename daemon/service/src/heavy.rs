@@ -2,6 +2,7 @@
 //! read maps are cached, as one page requests several pictures of one map.
 
 use super::problem::{Answer, Kind, Problem};
+use super::tiles::Strips;
 use super::{blocking, files, maps};
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderValue, header};
@@ -52,7 +53,7 @@ impl Plane {
 /// A cached map.
 struct Kept {
     path: PathBuf,
-    channel: &'static str,
+    channel: String,
     /// Modification time and size of its file.
     stamp: (SystemTime, u64),
     plane: Arc<Plane>,
@@ -66,6 +67,8 @@ pub struct Heavy {
     reading: Mutex<()>,
     sending: Arc<Semaphore>,
     kept: Mutex<VecDeque<Kept>>,
+    /// Rows of tiles.
+    pub strips: Strips,
 }
 
 impl Default for Heavy {
@@ -75,6 +78,7 @@ impl Default for Heavy {
             reading: Mutex::default(),
             sending: Arc::new(Semaphore::new(SENDING_MIB)),
             kept: Mutex::default(),
+            strips: Strips::default(),
         }
     }
 }
@@ -149,7 +153,7 @@ impl Heavy {
     pub fn plane(&self, folder: &Path, name: &str) -> Answer<Arc<Plane>> {
         let missing = || maps::missing(name);
         let (file, channel) = maps::source(folder, name).ok_or_else(missing)?;
-        let path = files::inside(folder, file).map_err(|_| missing())?;
+        let path = files::inside(folder, &file).map_err(|_| missing())?;
         let metadata = path.metadata().map_err(|_| missing())?;
         let stamp = (metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH), metadata.len());
         let _reading = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
@@ -162,7 +166,7 @@ impl Heavy {
             return Ok(plane);
         }
         drop(kept);
-        let (values, width) = read_exr_channel(&path, channel)?.ok_or_else(missing)?;
+        let (values, width) = read_exr_channel(&path, &channel)?.ok_or_else(missing)?;
         let plane = Arc::new(Plane { values, width });
         let mut kept = self.locked();
         kept.push_back(Kept { path, channel, stamp, plane: plane.clone(), used: Instant::now() });
@@ -180,6 +184,7 @@ impl Heavy {
     /// Removes unused maps from the cache after [`IDLE`].
     pub fn forget_idle(&self) {
         self.locked().retain(|k| k.used.elapsed() < IDLE);
+        self.strips.forget_idle();
     }
 
     /// A map as a table or array, made in pieces while it is sent: `head`, then the rows as `rows` writes them. No

@@ -21,30 +21,47 @@ pub struct View {
     pub palette: Palette,
 }
 
-/// File in `folder` and channel of a map, by its name. Results of plain polarimetry have no orientations; their σ and
-/// mask are those of the angle of polarization.
-pub fn source(folder: &Path, name: &str) -> Option<(&'static str, &'static str)> {
-    let angles = || if folder.join("orientation.exr").exists() { "orientation.exr" } else { "aolp.exr" };
-    Some(match name {
-        "orientation" => ("orientation.exr", "orientation"),
-        "sigma" => (angles(), "sigma"),
-        "mask" => (angles(), "mask"),
-        "aolp" => ("aolp.exr", "aolp"),
-        "dolp" => ("aolp.exr", "dolp"),
-        "smoothed" => ("smoothed.exr", "orientation"),
-        "period" => ("period.exr", "period"),
-        "period_sigma" => ("period.exr", "sigma"),
-        "s0" => ("stokes.exr", "S0"),
-        _ => return None,
-    })
+/// Files, channels and names of maps that have a name of their own, the first of each name that a result has.
+const NAMED: [(&str, &str, &str); 12] = [
+    ("orientation", "orientation.exr", "orientation"),
+    ("sigma", "orientation.exr", "sigma"),
+    ("sigma", "aolp.exr", "sigma"),
+    ("mask", "orientation.exr", "mask"),
+    ("mask", "aolp.exr", "mask"),
+    ("aolp", "aolp.exr", "aolp"),
+    ("dolp", "aolp.exr", "dolp"),
+    ("sigma_dolp", "aolp.exr", "sigma_dolp"),
+    ("smoothed", "smoothed.exr", "orientation"),
+    ("period", "period.exr", "period"),
+    ("period_sigma", "period.exr", "sigma"),
+    ("s0", "stokes.exr", "S0"),
+];
+
+/// File in `folder` and channel of a map by its name. Names outside of [`NAMED`] are those of a file and its channel:
+/// `hdr.R` is the channel R of hdr.exr. Without orientations, σ and mask are those of the angle of polarization.
+pub fn source(folder: &Path, name: &str) -> Option<(String, String)> {
+    let mut named = NAMED.iter().filter(|(known, ..)| *known == name).peekable();
+    if let Some((_, file, channel)) = named.peek().copied() {
+        let there = named.find(|(_, file, _)| folder.join(file).exists());
+        let (file, channel) = there.map_or((file, channel), |(_, file, channel)| (file, channel));
+        return Some(((*file).to_owned(), (*channel).to_owned()));
+    }
+    let (stem, channel) = name.split_once('.')?;
+    let is_plain = !stem.is_empty() && !channel.is_empty() && !name.contains(['/', '\\', '\0']);
+    is_plain.then(|| (format!("{stem}.exr"), channel.to_owned()))
+}
+
+/// Name of a channel of a file in `folder`.
+pub fn name_of(folder: &Path, file: &str, channel: &str) -> String {
+    let named = NAMED.iter().filter(|(_, f, c)| (*f, *c) == (file, channel)).map(|(name, ..)| *name);
+    let mut named = named.filter(|name| source(folder, name).is_some_and(|(f, c)| f == file && c == channel));
+    named.next().map_or_else(|| format!("{}.{channel}", file.trim_end_matches(".exr")), str::to_owned)
 }
 
 /// Problem of a map that does not exist.
 pub fn missing(name: &str) -> Problem {
     let name: String = name.chars().take(80).collect();
-    Problem::not_found(format!("map {name:?}")).remedy(
-        "there are sigma, dolp, mask, aolp and s0; orientation of gratings; smoothed and period where they were asked for",
-    )
+    Problem::not_found(format!("map {name:?}")).remedy("GET /api/v1/reconstructions/ID/maps lists the maps of a result")
 }
 
 /// One plane of a result folder, and its width in pixels.
@@ -53,7 +70,7 @@ pub fn missing(name: &str) -> Problem {
 /// `not-found` when there is no such map.
 pub fn plane(folder: &Path, name: &str) -> Answer<(Vec<f32>, usize)> {
     let (file, channel) = source(folder, name).ok_or_else(|| missing(name))?;
-    read_exr_channel(&folder.join(file), channel).ok().flatten().ok_or_else(|| missing(name))
+    read_exr_channel(&folder.join(file), &channel).ok().flatten().ok_or_else(|| missing(name))
 }
 
 type Encode = dyn Fn(usize, usize, usize, &[u8]) -> io::Result<Vec<u8>>;

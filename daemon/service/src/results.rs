@@ -113,10 +113,8 @@ pub struct FitPoint {
     value: f64,
 }
 
-/// A map as a picture (`NAME.png`) or as numbers (`NAME.exr`, `NAME.csv` or `NAME.npy`).
-///
-/// NAME is `sigma`, `dolp`, `mask`, `aolp` or `s0`. Grating models also have `orientation`. `smoothed`, `period` and
-/// `period_sigma` exist if they were requested.
+/// A map: `NAME.png` for a picture (of a region), `NAME.exr`, `NAME.csv` or `NAME.npy` for its numbers. `maps` lists
+/// the names, such as orientation, sigma and period.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/maps/{file}", tag = "reconstructions", operation_id = "map",
     params(("id" = String, Path), ("file" = String, Path, description = "For instance orientation.png"), Region),
     responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"), (String = "text/csv"))),
@@ -129,11 +127,11 @@ pub async fn map(
 ) -> Answer<Response> {
     let folder = app.place(&id).await?.results;
     let missing = || Problem::not_found(format!("map {file:?}"));
-    let (name, kind) = file.split_once('.').ok_or_else(missing)?;
+    let (name, kind) = file.rsplit_once('.').ok_or_else(missing)?;
     let (exr, _) = maps::source(&folder, name).ok_or_else(missing)?;
     let (name, kind) = (name.to_owned(), kind.to_owned());
     match kind.as_str() {
-        "exr" => return files::send(&files::inside(&folder, exr)?, files::BYTES, &wishes).await,
+        "exr" => return files::send(&files::inside(&folder, &exr)?, files::BYTES, &wishes).await,
         "png" | "csv" | "npy" => {}
         _ => return Err(missing()),
     }

@@ -3,8 +3,8 @@
 use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
-    App, access, charts, connections, deletion, devices, display, measure, naming, operations, plans, reconstructions,
-    renders, results, session_data, sessions, stored_uploads, trash, uploads, view,
+    App, access, charts, connections, deletion, devices, display, map_list, map_regions, measure, naming, operations,
+    plans, reconstructions, renders, results, session_data, sessions, stored_uploads, tiles, trash, uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
@@ -99,7 +99,11 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(renders::picture))
         .routes(routes!(results::list))
         .routes(routes!(results::file))
+        .routes(routes!(map_list::list))
         .routes(routes!(results::map))
+        .routes(routes!(tiles::tile))
+        .routes(routes!(map_regions::statistics))
+        .routes(routes!(map_regions::profile))
         .routes(routes!(results::pixel))
         .routes(routes!(uploads::angles))
         .routes(routes!(stored_uploads::list))

@@ -77,7 +77,7 @@ pub use interpolation::catmull_rom;
 pub use light::{Light, read_light};
 pub use listing::{list, photograph_in, photographs};
 pub use nacre_base::{OutputFolder, json, rewrite, sweep_unfinished, write_whole, write_whole_with};
-pub use openexr::{ExrMap, read_exr, read_exr_channel};
+pub use openexr::{ExrHeader, ExrMap, read_exr, read_exr_channel, read_exr_header, read_exr_rows};
 pub use palette::{ColorTable, MASKED, Palette};
 pub use picture::{orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis};
 pub use raster::{Depth, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples};

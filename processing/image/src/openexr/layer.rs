@@ -1,6 +1,7 @@
 //! Layers of OpenEXR files: windows, sizes and blocks.
 
 use std::io::{Read, Seek};
+use std::ops::Range;
 
 use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
@@ -66,12 +67,17 @@ impl Window {
     }
 
     /// Visible range of a piece of a stored row, and the index of its first pixel in the picture.
-    pub(super) fn place(&self, [x, y]: [usize; 2], len: usize) -> Option<(usize, std::ops::Range<usize>)> {
+    pub(super) fn place(&self, [x, y]: [usize; 2], len: usize) -> Option<(usize, Range<usize>)> {
         let [column, row] = [x as i64 + self.offset[0], y as i64 + self.offset[1]];
         let [width, height] = self.size.map(|n| n as i64);
         let [begin, end] = [column.clamp(0, width), (column + len as i64).clamp(0, width)];
         let seen = (0..height).contains(&row) && begin < end;
         seen.then(|| ((row * width + begin) as usize, (begin - column) as usize..(end - column) as usize))
+    }
+
+    /// Row of the picture in which a stored row is visible.
+    pub(super) fn row(&self, y: usize) -> Option<usize> {
+        usize::try_from(y as i64 + self.offset[1]).ok().filter(|row| *row < self.size[1])
     }
 
     /// Note about windows that differ.
@@ -173,7 +179,17 @@ impl Layer {
 
     /// Calls `put(channel, index of the first pixel in the picture, values)` for every visible piece of a row of every
     /// channel.
-    pub(super) fn decode(self, mut put: impl FnMut(usize, usize, &[f32])) -> Decoded<()> {
+    pub(super) fn decode(self, put: impl FnMut(usize, usize, &[f32])) -> Decoded<()> {
+        self.decode_rows(&|_| true, &|_| true, put)
+    }
+
+    /// [`Self::decode`] of the rows of the picture and the channels that are wanted. Blocks without them are not read.
+    pub(super) fn decode_rows(
+        self,
+        wanted: &(dyn Fn(usize) -> bool + Sync),
+        channel: &(dyn Fn(usize) -> bool + Sync),
+        mut put: impl FnMut(usize, usize, &[f32]),
+    ) -> Decoded<()> {
         let (index, window) = (self.index, self.window);
         let [width, height] = window.data;
         let mut found = vec![0_usize; height];
@@ -186,16 +202,23 @@ impl Layer {
                 if !inside || !full(at.layer, at.level) {
                     return Err(Fault::damaged("a block lies outside the picture"));
                 }
+                found[at.position.1] += usize::from(at.channel == 0) * at.sample_count;
+                if !channel(at.channel) || !window.row(at.position.1).is_some_and(wanted) {
+                    continue;
+                }
                 to_floats(&line, channels.list[at.channel].sample_type, &mut values);
-                found[at.position.1] += usize::from(at.channel == 0) * values.len();
                 if let Some((start, seen)) = window.place([at.position.0, at.position.1], values.len()) {
                     put(at.channel, start, &values[seen]);
                 }
             }
             Ok(())
         };
-        let mut chunks =
-            self.reader.filter_chunks(false, |_, _, block| full(block.layer, block.level)).map_err(fault)?;
+        let needed = |rows: Range<usize>| rows.into_iter().any(|row| window.row(row).is_none_or(wanted));
+        let chosen = self.reader.filter_chunks(false, |_, _, block| {
+            let top = block.pixel_position.1;
+            full(block.layer, block.level) && needed(top..top + block.pixel_size.1)
+        });
+        let mut chunks = chosen.map_err(fault)?;
         let meta = chunks.meta_data().clone();
         let header = &meta.headers[index];
         let batch = (BATCH_BYTES / header.max_block_byte_size().max(1)).max(rayon::current_num_threads());
@@ -210,7 +233,7 @@ impl Layer {
             }
         }
         // Two chunks may name the same block, so that another one is missing.
-        if found.iter().any(|&pixels| pixels != width) {
+        if (0..height).any(|row| found[row] != width && window.row(row).is_none_or(wanted)) {
             return Err(Fault::damaged("some rows are missing"));
         }
         Ok(())

@@ -3,6 +3,7 @@
 mod choice;
 mod chroma;
 mod layer;
+mod rows;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,6 +19,8 @@ use super::source::{Source, decode, open};
 use choice::Channels;
 use layer::Layer;
 use nacre_base::{Error, Result};
+
+pub use rows::{ExrHeader, read_exr_header, read_exr_rows};
 
 /// Remedy for unsupported features of OpenEXR.
 const EXPORT: &str = "export it as OpenEXR with R, G and B in one flat layer";

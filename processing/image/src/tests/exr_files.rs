@@ -337,3 +337,49 @@ fn matrix_of_the_openexr_library() {
     outcomes.iter().for_each(|((compression, outcome), count)| println!("{compression}: {count} files {outcome}"));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
+
+/// Selected rows equal those of the whole map, whatever the compression and the data window.
+#[test]
+fn selected_rows() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("x.exr");
+    let put = |path: &Path, name: &str, wanted: &(dyn Fn(usize) -> bool + Sync)| {
+        let mut rows = std::collections::BTreeMap::<usize, Vec<f32>>::new();
+        let size = crate::read_exr_rows(path, name, wanted, |row, column, values| {
+            let known = rows.entry(row).or_default();
+            assert_eq!(known.len(), column);
+            known.extend(values);
+        });
+        (size, rows)
+    };
+    for encoding in [Encoding::FAST_LOSSLESS, Encoding::UNCOMPRESSED, Encoding::SMALL_LOSSLESS] {
+        let mut inner = layer([5, 70], None, &["a", "b"], rgb);
+        inner.encoding = encoding;
+        write_layers(&path, vec![inner], |_| ());
+        let header = crate::read_exr_header(&path).unwrap();
+        assert_eq!((header.width, header.height, header.channels.as_slice()), (5, 70, &["a".into(), "b".into()][..]));
+        let whole = read_exr(&path).unwrap();
+        let (size, rows) = put(&path, "b", &|row| row % 33 == 1);
+        assert_eq!(size.unwrap(), Some([5, 70]));
+        assert_eq!(rows.keys().copied().collect::<Vec<_>>(), [1, 34, 67]);
+        for (row, values) in rows {
+            assert_eq!(values, whole.channels["b"][5 * row..][..5], "{row}");
+        }
+        assert_eq!(put(&path, "c", &|_| true).0.unwrap(), None);
+    }
+    // A data window that begins above the picture and ends within it.
+    let mut inner = layer([5, 6], None, &["a"], rgb);
+    inner.attributes.layer_position = Vec2(0, -2);
+    write_layers(&path, vec![inner], |all| all.display_window = IntegerBounds::new(Vec2(0, 0), Vec2(5, 8)));
+    let (size, rows) = put(&path, "a", &|row| row > 2);
+    assert_eq!(
+        (size.unwrap(), rows.into_iter().collect::<Vec<_>>()),
+        (Some([5, 8]), vec![(3, vec![51.0, 52.0, 53.0, 54.0, 55.0])])
+    );
+    // A file that ends within a selected row is refused; rows before it are still read.
+    crate::write_exr(&path, 400, 40, &["a"], &[], &|_, y, row| row.fill(y as f32)).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 800]).unwrap();
+    assert_eq!(put(&path, "a", &|row| row == 3).1[&3], vec![3.0; 400]);
+    assert!(put(&path, "a", &|row| row == 39).0.is_err());
+}
