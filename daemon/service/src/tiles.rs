@@ -31,8 +31,8 @@ pub fn levels(size: [usize; 2]) -> u32 {
 }
 
 /// A tile of a map: 32-bit floats (little-endian) row by row, NaN where masked. Tiles have 256 × 256 pixels, and fewer
-/// at the right and lower edge. A pixel of level L is the mean of the valid ones among 2^L × 2^L pixels of the map, of
-/// lines of the same direction where it holds angles.
+/// at the right and lower edge. A pixel of level L is the mean of the valid pixels among 2^L × 2^L pixels of the
+/// map. Orientations are averaged as axial data, modulo 180°.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/tiles/{map}/{level}/{column}/{row}", tag = "reconstructions",
     operation_id = "map_tile",
     params(("id" = String, Path), ("map" = String, Path, description = "A name of `maps`"),
