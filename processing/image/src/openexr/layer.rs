@@ -213,7 +213,7 @@ impl Layer {
             }
             Ok(())
         };
-        let needed = |rows: Range<usize>| rows.into_iter().any(|row| window.row(row).is_none_or(wanted));
+        let needed = |mut rows: Range<usize>| rows.any(|row| window.row(row).is_none_or(wanted));
         let chosen = self.reader.filter_chunks(false, |_, _, block| {
             let top = block.pixel_position.1;
             full(block.layer, block.level) && needed(top..top + block.pixel_size.1)
