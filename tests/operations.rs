@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::fs;
 
 /// Commands and the operations from whose options they are derived.
-const DERIVED: [(&[&str], &str); 13] = [
+const DERIVED: [(&[&str], &str); 14] = [
     (&["reconstruct", "polarization"], "polarization"),
     (&["reconstruct", "hdr"], "hdr"),
     (&["reconstruct", "stack"], "stack"),
@@ -27,6 +27,7 @@ const DERIVED: [(&[&str], &str); 13] = [
     (&["render"], "render"),
     (&["factor"], "factor"),
     (&["synthesize"], "synthesize"),
+    (&["inspect"], "inspect"),
 ];
 
 /// Operations on the page's uploads, and options with separate controls.

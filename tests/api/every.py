@@ -96,6 +96,7 @@ def orders():
     yield "render", {"upload": upload("scene", "RENDER_SCENE.toml"), "options": {"samples": 4}}
     yield "factor", {"upload": upload("table", "table/lut.exr"), "options": {"rank": 2, "kind": "nonnegative"}}
     yield "synthesize", {"upload": upload("table", "found/histogram.exr"), "options": {"size": [32, 24], "pixel_um": 25, "dot": {"disc": 5}}}
+    yield "inspect", {"upload": upload("maps", *Path("drawn").glob("*.exr")), "options": {"reference": "orientation.exr"}}
 
 
 def run(name, order):

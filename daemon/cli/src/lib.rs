@@ -88,6 +88,8 @@ enum Command {
     Map(commands::map::MapCommand),
     /// Synthesize maps of new foil from a measured random-dot distribution.
     Synthesize(Whole<nacre_lut::foil::SynthesizeOptions>),
+    /// Inspect sheets against a reference: register, compare and find defects.
+    Inspect(Whole<nacre_inspect::Options>),
     /// Calibrate the geometry of camera, sample, panel and light.
     #[command(subcommand)]
     Calibrate(commands::calibrate::Calibrate),
@@ -195,6 +197,7 @@ pub fn main(commit: &str, target: &str) -> ExitCode {
         Command::Factor(args) => args.run(&console),
         Command::Map(args) => commands::map::run(&args, &console),
         Command::Synthesize(args) => args.run(&console),
+        Command::Inspect(args) => args.run(&console),
         Command::Calibrate(args) => commands::calibrate::run(&args, &console),
         Command::Recommend(args) => commands::recommend::run(&args, &console),
         Command::Chart(args) => commands::chart::run(&args, &console),

@@ -105,7 +105,7 @@ impl Scene {
     /// # Errors
     /// A rigorous R (`[grating.rigorous]`) that cannot be computed to the requested error.
     pub fn new(bench: &BenchConfig) -> Result<Self> {
-        let sample = Sample::new(&bench.sample, bench.seed);
+        let sample = Sample::new(&bench.sample, bench.sample.seed.unwrap_or(bench.seed));
         let pixel_mm = sample.field_mm() / f64::from(bench.camera.width.min(bench.camera.height));
         Ok(Self { sample, band: band(bench)?, pixel_mm, bench: bench.clone() })
     }

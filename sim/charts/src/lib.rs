@@ -7,6 +7,7 @@ mod factor;
 mod flash;
 mod foil;
 mod hdr;
+pub mod inspection;
 mod lut;
 mod maxwell;
 mod period;
@@ -14,6 +15,7 @@ mod photographs;
 mod prediction;
 mod render;
 mod series;
+mod shots;
 mod slits;
 pub mod spots;
 mod surface;
@@ -40,6 +42,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all.push(factor::study(effort));
     all.extend(render::studies(effort));
     all.push(two_pass::study(effort));
+    all.extend(inspection::study::studies(effort));
     all.extend([slits::study(effort), prediction::study(effort)]);
     all.extend(maxwell::studies(effort));
     all

@@ -1,5 +1,6 @@
 //! Configuration of samples.
 
+use super::planted::PlantedDefect;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +28,26 @@ pub struct SampleConfig {
     pub bumps_deg: f64,
     /// Number of scratches.
     pub scratches: u32,
+    /// Seed of the sample; by default that of the bench, on which its noise depends too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// Turn of the sheet about its middle in degrees, anticlockwise.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub turn_deg: f64,
+    /// Shift of the turned sheet in mm, right and up.
+    #[serde(skip_serializing_if = "are_zero")]
+    pub shift_mm: [f64; 2],
+    /// Defects of known place, class and size.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub planted: Vec<PlantedDefect>,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+fn are_zero(values: &[f64; 2]) -> bool {
+    *values == [0.0; 2]
 }
 
 /// Kinds of samples.
@@ -101,6 +122,10 @@ impl Default for SampleConfig {
             mixed_dots: 0.0,
             bumps_deg: 0.0,
             scratches: 0,
+            seed: None,
+            turn_deg: 0.0,
+            shift_mm: [0.0; 2],
+            planted: vec![],
         }
     }
 }
@@ -124,6 +149,16 @@ impl SampleConfig {
             _ => 1.0,
         };
         margin * self.size_mm()
+    }
+
+    /// Coordinates on the sheet of a point of the bench, in mm.
+    pub fn on_sheet(&self, x: f64, y: f64) -> [f64; 2] {
+        let (dx, dy) = (x - self.shift_mm[0], y - self.shift_mm[1]);
+        if self.turn_deg == 0.0 {
+            return [dx, dy];
+        }
+        let (sin, cos) = self.turn_deg.to_radians().sin_cos();
+        [dx * cos + dy * sin, dy * cos - dx * sin]
     }
 
     /// Shortest and longest period of the sample in µm.
@@ -166,6 +201,9 @@ impl SampleConfig {
             ("mixed_dots", self.mixed_dots, 0.0, 1.0),
             ("bumps_deg", self.bumps_deg, 0.0, 20.0),
             ("scratches", self.scratches.into(), 0.0, 1000.0),
+            ("turn_deg", self.turn_deg, -360.0, 360.0),
+            ("shift_mm", self.shift_mm[0], -1000.0, 1000.0),
+            ("shift_mm", self.shift_mm[1], -1000.0, 1000.0),
         ] {
             if !(low..=high).contains(&value) {
                 return Err(format!("sample.{key} is {value}; give a number from {low} to {high}"));
@@ -177,7 +215,7 @@ impl SampleConfig {
                 "sample.mixed_dots is {mixed} beside dead_dots {dead}; give shares that sum to 1 at most"
             ));
         }
-        Ok(())
+        self.planted.iter().try_for_each(PlantedDefect::validate)
     }
 }
 

@@ -4,10 +4,12 @@ mod config;
 mod defects;
 mod discs;
 mod patterns;
+mod planted;
 mod polygons;
 mod shapes;
 
 pub use config::{SampleConfig, SampleKind};
+pub use planted::{DefectClass, PlantedDefect, Planting};
 
 use defects::Defects;
 
@@ -89,8 +91,23 @@ impl Sample {
         self.config.field_mm()
     }
 
-    /// The surface at a point in mm.
+    /// The surface at a point of the bench in mm; the sheet on it is rotated and shifted.
     pub fn at(&self, x: f64, y: f64) -> Point {
+        let [u, v] = self.config.on_sheet(x, y);
+        let mut point = self.on_sheet(u, v);
+        if self.config.turn_deg != 0.0 {
+            let turn = self.config.turn_deg.to_radians();
+            if let Surface::Grating { orientation, .. } = &mut point.surface {
+                *orientation = fold(f64::from(*orientation) + turn);
+            }
+            let ([a, b], (sin, cos)) = (point.slope, (turn as f32).sin_cos());
+            point.slope = [a * cos - b * sin, a * sin + b * cos];
+        }
+        point
+    }
+
+    /// The surface at a point (mm) of the sheet.
+    fn on_sheet(&self, x: f64, y: f64) -> Point {
         let cell = self.config.cell_mm();
         let (column, row) = ((x / cell).floor(), (y / cell).floor());
         // A printed dot has the orientation of the pattern at its centre.
@@ -110,7 +127,9 @@ impl Sample {
             Ideal::Diffuse => Surface::Diffuse,
             Ideal::Nothing => Surface::Nothing,
         };
-        self.defects.apply(surface, x, y)
+        let point = self.defects.apply(surface, x, y);
+        let planted = self.config.planted.iter().filter(|defect| defect.distance_mm(x, y) <= 0.0);
+        planted.fold(point, |point, defect| defect.applied(point))
     }
 }
 
