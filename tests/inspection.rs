@@ -16,7 +16,8 @@ fn sheet(place: &Place, name: &str, seed: u64, sample: &str) {
     );
     fs::write(place.text("sheet.toml"), bench).unwrap();
     fs::write(place.text("plan.toml"), PLAN).unwrap();
-    let (plan, toml, session) = (place.text("plan.toml"), place.text("sheet.toml"), place.text(&format!("{seed}-session")));
+    let (plan, toml, session) =
+        (place.text("plan.toml"), place.text("sheet.toml"), place.text(&format!("{seed}-session")));
     nacre(["capture", &plan, "--sim", "--bench", &toml, "--out", &session]).expect(0);
     nacre(["reconstruct", "polarization", &session, "--out", &place.text(name)]).expect(0);
 }

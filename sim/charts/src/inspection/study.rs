@@ -36,13 +36,7 @@ pub(crate) fn studies(effort: Effort) -> Vec<Study> {
     ]
 }
 
-fn study(
-    effort: Effort,
-    name: &'static str,
-    title: &'static str,
-    error: &str,
-    quantity: Quantity,
-) -> Study {
+fn study(effort: Effort, name: &'static str, title: &'static str, error: &str, quantity: Quantity) -> Study {
     let sheets = effort.pick(8, 2);
     let setting = |(k, area): (usize, &f64)| {
         let setting = Setting::new("area", format!("{area} px"), *area);
