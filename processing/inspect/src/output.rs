@@ -31,7 +31,8 @@ pub fn write_sheet(
 ) -> Result<()> {
     let differences = &found.differences;
     let width = differences.width;
-    let units = "orientation: rad; presence: degree of polarization; brightness, period: logarithm; statistic: standard deviations; defect: number from 1";
+    let units = "orientation: rad; presence: degree of polarization; brightness, period: logarithm; \
+                 statistic: standard deviations; defect: number from 1";
     let attributes = [("units", Attribute::Text(units.into()))];
     let plane = |d: &[f32], i: usize| d.get(i).copied().unwrap_or(f32::NAN);
     let value = |c: usize, i: usize| match c {
