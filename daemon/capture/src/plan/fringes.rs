@@ -303,7 +303,7 @@ mod tests {
         let none = toml::from_str::<Plan>("kind = \"spots\"\nspots = {}").unwrap();
         assert!(none.check_values().unwrap_err().contains("centers_mm"));
         let source = "kind = \"spots\"\nspots = { centers_mm = [[0, 0]] }\nreconstruct = { method = \"spots\" }";
-        assert!(toml::from_str::<Plan>(source).unwrap().check_values().unwrap_err().contains("method is spots"));
+        assert!(toml::from_str::<Plan>(source).unwrap().check_values().unwrap_err().contains("operation is spots"));
     }
 
     /// A panel of 52 × 32 cm at 25 cm, with the camera overhead, reaches 1.2 µm in all directions, and 0.8 µm (at 44°)
