@@ -394,7 +394,7 @@ fn a_stopped_session_says_what_to_do() {
 fn accessible(browser: &Browser, what: &str) {
     for theme in ["light", "dark"] {
         browser.run(&format!("document.documentElement.dataset.theme = '{theme}'"));
-        std::thread::sleep(Duration::from_millis(250));
+        browser.until("document.getAnimations().every((a) => !(a instanceof CSSTransition))");
         let found = browser.run(include_str!("accessible.js"));
         assert_eq!(found[0], json!([]), "{what}, {theme}");
     }
