@@ -310,7 +310,8 @@ fn begun(soak: &mut Soak, sessions: u64, small_disk: bool) -> (Service, Worst) {
     fs::write(soak.place.path("bench.toml"), soak.dice.bench(sessions)).unwrap();
     let disk = if small_disk {
         fs::rename(soak.place.path("data"), soak.place.path("before")).unwrap();
-        SmallDisk::new(&soak.place, "24m", "cp -a ../before/. .")
+        // The trash of a long run would fill the disk at once.
+        SmallDisk::new(&soak.place, "24m", "rm -rf ../before/trash && cp -a ../before/. .")
     } else {
         None
     };
