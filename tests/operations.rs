@@ -215,7 +215,8 @@ fn parts_of_files_are_sent(service: &Service, path: &str) {
 /// Keys of the page's controls for an option. A structure that is a list on the command line has one control per value.
 fn keys(field: &Field) -> Vec<Vec<String>> {
     let listed = field.schema.get("x-list").and(field.schema.get("properties")).and_then(Value::as_object);
-    let inner = listed.map(|all| all.keys().map(|key| [field.path.as_slice(), &[key.clone()]].concat()).collect());
+    let inner =
+        listed.map(|all| all.keys().map(|key| [field.path.as_slice(), std::slice::from_ref(key)].concat()).collect());
     inner.unwrap_or_else(|| vec![field.path.clone()])
 }
 

@@ -249,7 +249,7 @@ fn corners(text: &str) -> Answer<Vec<[f64; 2]>> {
 fn statistics_of(map: &Located, region: &Region, bins: usize) -> Answer<MapStatistics> {
     let pixels = region.pixels();
     let step = ((pixels as f64 / MOST_VALUES as f64).sqrt().ceil() as usize).max(1);
-    let wanted = |y: usize| region.rows.contains(&y) && (y - region.rows.start) % step == 0;
+    let wanted = |y: usize| region.rows.contains(&y) && (y - region.rows.start).is_multiple_of(step);
     let mut values: Vec<f32> = vec![];
     let mut read = 0;
     read_exr_rows(&map.path, &map.channel, &wanted, |y, x, piece| {

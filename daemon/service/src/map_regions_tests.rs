@@ -48,7 +48,7 @@ fn large_regions_are_sampled_evenly() {
 fn polygons_hold_the_pixels_whose_centre_is_inside() {
     let square = region(polygon("2.5,1.5,6.5,1.5,6.5,4.5,2.5,4.5"), [20, 10]);
     assert_eq!((square.pixels(), square.rows.clone()), (12, 2..5));
-    assert_eq!(square.spans(3), [3..7]);
+    assert_eq!(square.spans(3), vec![3..7]);
     // A right triangle of 10 by 10 pixels, without its hypotenuse.
     let triangle = region(polygon("-0.5,-0.5,9.4,-0.5,-0.5,9.4"), [20, 20]);
     assert_eq!(triangle.pixels(), 45);

@@ -127,7 +127,7 @@ mod tests {
         };
         let truth = |i: usize| Complex64::new(1.0 + 0.2 * (i as f64 / 1000.0 - 1.0), 0.0);
         let noise = |i: usize| 0.01 * (((i * 7919) % 200) as f64 / 100.0 - 1.0);
-        let wanted = |i: usize| truth(i) + if i % 10 == 0 { 3.0 } else { noise(i) };
+        let wanted = |i: usize| truth(i) + if i.is_multiple_of(10) { 3.0 } else { noise(i) };
         let found = fitted(&pixels, &terms, &wanted, &|_| 0.01).unwrap();
         for i in [0, 700, 1999] {
             let mut row = vec![];

@@ -152,7 +152,7 @@ fn another_sheet_is_refused() {
     let mut other = reference.clone();
     let mut random = Stream::of(9);
     for value in &mut other.image.values {
-        let p = Complex32::from_polar(POLARIZED, (6.28 * random.next()) as f32);
+        let p = Complex32::from_polar(POLARIZED, (std::f64::consts::TAU * random.next()) as f32);
         *value = [p.re, p.im, 1.0];
     }
     let refused = inspect(&reference, &other, &PARAMETERS, &Silent).err().map(|e| e.to_string());

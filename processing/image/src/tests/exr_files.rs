@@ -345,7 +345,7 @@ fn selected_rows() {
     let path = dir.path().join("x.exr");
     let put = |path: &Path, name: &str, wanted: &(dyn Fn(usize) -> bool + Sync)| {
         let mut rows = std::collections::BTreeMap::<usize, Vec<f32>>::new();
-        let size = crate::read_exr_rows(path, name, wanted, |row, column, values| {
+        let size = read_exr_rows(path, name, wanted, |row, column, values| {
             let known = rows.entry(row).or_default();
             assert_eq!(known.len(), column);
             known.extend(values);
@@ -356,7 +356,7 @@ fn selected_rows() {
         let mut inner = layer([5, 70], None, &["a", "b"], rgb);
         inner.encoding = encoding;
         write_layers(&path, vec![inner], |_| ());
-        let header = crate::read_exr_header(&path).unwrap();
+        let header = read_exr_header(&path).unwrap();
         assert_eq!((header.width, header.height, header.channels.as_slice()), (5, 70, &["a".into(), "b".into()][..]));
         let whole = read_exr(&path).unwrap();
         let (size, rows) = put(&path, "b", &|row| row % 33 == 1);
@@ -377,9 +377,9 @@ fn selected_rows() {
         (Some([5, 8]), vec![(3, vec![51.0, 52.0, 53.0, 54.0, 55.0])])
     );
     // A file that ends within a selected row is refused; rows before it are still read.
-    crate::write_exr(&path, 400, 40, &["a"], &[], &|_, y, row| row.fill(y as f32)).unwrap();
-    let bytes = std::fs::read(&path).unwrap();
-    std::fs::write(&path, &bytes[..bytes.len() - 800]).unwrap();
+    write_exr(&path, 400, 40, &["a"], &[], &|_, y, row| row.fill(y as f32)).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() - 800]).unwrap();
     assert_eq!(put(&path, "a", &|row| row == 3).1[&3], vec![3.0; 400]);
     assert!(put(&path, "a", &|row| row == 39).0.is_err());
 }
