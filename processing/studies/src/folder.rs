@@ -79,7 +79,7 @@ pub struct Chart {
     pub title: String,
     /// Question of the study, or description of the picture.
     pub text: String,
-    /// Whether the effort was [`Effort::Quick`].
+    /// Whether the effort was [`crate::Effort::Quick`].
     pub quick: bool,
     /// Machine, program, seed and runs; empty for computed pictures.
     pub measured: String,
