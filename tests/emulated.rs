@@ -125,14 +125,17 @@ fn devices_are_driven_by_hand_through_their_drivers() {
 
 /// Text above the table in `docs/validation/faults.md`.
 const HEADER: &str = "\
-# What a session makes of faults
+# Faults of devices in a session
 
-Written by the tests (`tests/emulated.rs`; with `NACRE_EVERY_STEP=all` for every command): each row is a device and what goes wrong with it, once or
-for good, from some command on. Stages and flashes are emulated down to their bytes; camera and panel are simulated. A session of five frames was taken with
-each fault at each of these commands. *Over*: it was passed over, and the session ended well. *Stopped*: the session ended with an error that names
-the device, such as the one on the right. In every case the data were the same to the byte as those of a session without faults, at once or
-after it was resumed on the repaired bench; and the light was off, but for a flash that does not obey any more, where a person
-is told to switch it off.
+Written by `tests/emulated.rs` (`NACRE_EVERY_STEP=all` tests every command). Each row is a device and a fault, which
+occurs once or permanently, from a given command on. Stages and flashes are emulated to the byte; camera and display are
+simulated. A session of five frames was captured with each fault.
+
+- *over*: the session tolerated the fault and succeeded.
+- *stopped*: the session ended with an error that names the device. The last column shows one.
+
+The data always equalled those of a session without faults to the byte, at once or after resuming on the repaired bench.
+The light was off, except for a flash that no longer responds. The message then asks a person to switch it off.
 
 ";
 
@@ -232,7 +235,9 @@ fn every_fault_at_every_step_is_passed_over_or_named_and_the_session_completed()
         // Faults must be noticed, except harmless ones, which are tolerated.
         let harmless = HARMLESS.contains(&case.fault);
         assert!(outcome.is_some() || case.once || harmless, "{} {} is not noticed", case.device, case.fault);
-        assert!(outcome.is_none() || !harmless, "{} {}: {outcome:?}", case.device, case.fault);
+        // Every answer of a slow stage exceeds its time limit.
+        let late = ["elliptec", "grbl"].contains(&case.device) && case.fault == "slow" && !case.once;
+        assert!(outcome.is_none() || late || !harmless, "{} {}: {outcome:?}", case.device, case.fault);
     }
 }
 
@@ -299,7 +304,7 @@ fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
 /// Table of device, fault, and outcome at each step.
 fn table(cases: &[Case], outcomes: &[Option<String>]) -> String {
     let mut text =
-        "| device | fault | once, after so many commands | for good, after so many | what the user is told |\n|---|---|---|---|---|\n"
+        "| device | fault | once, after commands | permanent, after commands | message |\n|---|---|---|---|---|\n"
             .to_owned();
     let mut rows: Vec<(&str, &str)> = cases.iter().map(|c| (c.device, c.fault)).collect();
     rows.dedup();
