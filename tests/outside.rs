@@ -80,12 +80,12 @@ fn uploaded_photographs_become_maps() {
 
     let good = photograph(60);
     for (parts, words) in [
-        (&[("file", "../../etc/passwd", good.as_slice())][..], &["passwd", "no name of a photograph"][..]),
+        (&[("file", "../../etc/passwd", good.as_slice())][..], &["passwd", "not a file name of a photograph"][..]),
         (&[("file", "a.sh", good.as_slice())], &["a.sh"]),
         (&[("file", "no angle.png", good.as_slice())], &["angle"]),
         (&[("file", "000.png", b"nonsense".as_slice()), ("file", "045.png", &good)], &["000.png"]),
-        (&[("file", "000.png", good.as_slice()), ("file", "000.png", &good)], &["one name"]),
-        (&[("other", "000.png", good.as_slice())], &["neither"]),
+        (&[("file", "000.png", good.as_slice()), ("file", "000.png", &good)], &["same name"]),
+        (&[("other", "000.png", good.as_slice())], &["unknown part"]),
         (&[], &["no photograph"]),
     ] {
         let refused = service.upload(parts).expect(400).json();
