@@ -11,6 +11,9 @@ use rayon::prelude::*;
 /// Blur of both sheets in pixels. It lets interpolation reproduce edges, and averages the noise over about 18 pixels.
 pub const BLUR_PX: f64 = 1.2;
 
+/// Width of the edge of both pictures that is not compared, in pixels: there the blur lacks neighbours.
+const MARGIN_PX: usize = 3;
+
 /// Degree of the smooth background in both coordinates: of the gain of the polarization, its zero, and the brightness.
 const GAIN_DEGREE: i32 = 2;
 const ZERO_DEGREE: i32 = 1;
@@ -95,8 +98,9 @@ impl Differences {
         let fixed = reference.image.blurred(BLUR_PX);
         let (fixed_variance, fixed_over) = blurred_noise(reference);
         let warped = Warped::of(size, sample, refined);
-        let compared: Vec<bool> =
-            (0..width * height).map(|i| warped.values[i].is_some() && fixed_over[i] < OVEREXPOSED).collect();
+        let compared =
+            (0..width * height).map(|i| warped.values[i].is_some() && fixed_over[i] < OVEREXPOSED && is_inner(size, i));
+        let compared: Vec<bool> = compared.collect();
         let overexposed = (0..width * height).map(|i| compared[i] && warped.overexposed[i]).collect::<Vec<bool>>();
         let a: Vec<Complex32> = (0..width * height).map(|i| fixed.phasor(i)).collect();
         let raw = |i: usize| warped.values[i].map_or(Complex32::new(f32::NAN, f32::NAN), phasor);
@@ -197,6 +201,12 @@ fn background_terms(unit: [f64; 2], sample: Complex64, row: &mut Vec<Complex64>)
     row.push(sample.conj());
 }
 
+/// Whether a pixel is far enough from the edge of the picture for its blur to be complete.
+fn is_inner([width, height]: [usize; 2], i: usize) -> bool {
+    let within = |v: usize, count: usize| v >= MARGIN_PX && v + MARGIN_PX < count;
+    within(i % width, width) && within(i / width, height)
+}
+
 impl Warped {
     fn of([width, height]: [usize; 2], sample: &Sheet, refined: &Refined) -> Self {
         let blurred = sample.image.blurred(BLUR_PX);
@@ -204,8 +214,13 @@ impl Warped {
         let noise: Vec<[f32; 3]> = variance.into_iter().zip(over).map(|(v, o)| [v, o, 0.0]).collect();
         let noise = Image { values: noise, ..blurred.clone() };
         let place = |i: usize| refined.transform.at((i % width) as f64, (i / width) as f64);
+        let inner = |[x, y]: [f64; 2]| {
+            let within = |v: f64, count: usize| v >= MARGIN_PX as f64 && v + MARGIN_PX as f64 <= count as f64 - 1.0;
+            within(x, sample.image.width) && within(y, sample.image.height)
+        };
+        let value = |i: usize| Some(place(i)).filter(|at| inner(*at)).and_then(|at| blurred.at(at));
         let values: Vec<Option<[f32; 3]>> =
-            (0..width * height).into_par_iter().map(|i| blurred.at(place(i)).filter(|v| v[2] > 0.0)).collect();
+            (0..width * height).into_par_iter().map(|i| value(i).filter(|v| v[2] > 0.0)).collect();
         let noise: Vec<[f32; 3]> =
             (0..width * height).into_par_iter().map(|i| noise.at(place(i)).unwrap_or_default()).collect();
         let variance = noise.iter().map(|n| n[0].max(0.0)).collect();

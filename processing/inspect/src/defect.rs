@@ -250,6 +250,8 @@ struct Means {
     overexposed: bool,
     brightness: Option<f64>,
     period: Option<f64>,
+    /// Whether the degree of polarization is measured; otherwise it is 0 or 1.
+    graded: bool,
     /// Standard deviation of `ratio`.
     sigma: f32,
 }
@@ -272,6 +274,7 @@ impl Means {
             grating: power > 4.0 * noise.max(1e-4 * count),
             brightness: mean(&found.light.value),
             period: mean(&found.period.value),
+            graded: !found.light.value.is_empty(),
             sigma: (noise / power.max(1e-12) / count).sqrt(),
         }
     }
@@ -300,7 +303,8 @@ fn class(means: &Means, [length, width]: [f64; 2]) -> Class {
     if far || across > TURNED * along + sigma || f64::from(means.ratio.re) < OPPOSITE {
         return Class::WrongOrientation;
     }
-    if size < GONE {
+    // Without measured degrees, a lower one is the mean of pixels with and without a grating.
+    if size < GONE || !means.graded && means.period.is_none() {
         return Class::Missing;
     }
     let stained = means.brightness.is_some_and(|b| b.ln().abs() > STAIN.max(along));

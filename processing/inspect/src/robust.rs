@@ -31,25 +31,13 @@ pub fn fitted(
     let mut row = vec![];
     terms(*pixels.first()?, &mut row);
     let count = row.len();
-    let mut solution: Option<Vec<Complex64>> = None;
-    let mut scale = 1.0;
+    let mut weights = vec![1.0; pixels.len()];
+    let mut solution = vec![];
     for _ in 0..ROUNDS {
         let (mut normal, mut right) = (DMatrix::<Complex64>::zeros(count, count), DVector::<Complex64>::zeros(count));
-        let mut sizes = Vec::with_capacity(pixels.len());
-        for i in pixels {
+        for (i, weight) in pixels.iter().zip(&weights).filter(|(_, weight)| **weight > 0.0) {
             terms(*i, &mut row);
-            let (value, sigma) = (wanted(*i), sigma(*i));
-            let weight = match &solution {
-                None => 1.0,
-                Some(solution) => {
-                    let residual = (value - dot(solution, &row)).norm() / sigma;
-                    sizes.push(residual);
-                    f64::from(tukey((residual / scale) as f32))
-                }
-            } / (sigma * sigma);
-            if weight == 0.0 {
-                continue;
-            }
+            let (value, weight) = (wanted(*i), weight / sigma(*i).powi(2));
             for j in 0..count {
                 right[j] += row[j].conj() * value * weight;
                 for k in 0..count {
@@ -57,13 +45,19 @@ pub fn fitted(
                 }
             }
         }
-        // The median of a Rayleigh distribution is 1.1774 standard deviations of a component.
-        scale = quantile(&mut sizes, 0.5).map_or(3.0, |m| (m / 1.1774).max(1e-6));
         let ridge = RIDGE * normal[(0, 0)].re;
         (0..count).for_each(|k| normal[(k, k)] += ridge);
-        solution = Some(normal.lu().solve(&right)?.iter().copied().collect());
+        solution = normal.lu().solve(&right)?.iter().copied().collect();
+        let mut residual = |i: &usize| {
+            terms(*i, &mut row);
+            (wanted(*i) - dot(&solution, &row)).norm() / sigma(*i)
+        };
+        let residuals: Vec<f64> = pixels.iter().map(&mut residual).collect();
+        // The median of a Rayleigh distribution is 1.1774 standard deviations of a component.
+        let scale = quantile(&mut residuals.clone(), 0.5).map_or(1.0, |m| (m / 1.1774).max(1e-6));
+        weights = residuals.iter().map(|r| f64::from(tukey((r / scale) as f32))).collect();
     }
-    solution
+    Some(solution)
 }
 
 /// Value of a fit for a row of terms.
