@@ -131,7 +131,6 @@ impl Limits {
         // Moments of few samples are uncertain: one standard error of the mean is added.
         let scale = deviation * 6.0_f64.sqrt() / std::f64::consts::PI;
         let mode = mean - EULER * scale + deviation / (good.len() as f64).sqrt();
-        // So many false alarms per sheet on average.
         let gumbel = mode - scale * false_alarms.clamp(1e-9, 1.0).ln();
         let top = largest.iter().copied().fold(0.0, f64::max);
         let limit = |of: &dyn Fn(&SheetReport) -> Option<Differs>| {

@@ -18,7 +18,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Maximum number of sheets of a folder.
 const MOST_SHEETS: usize = 10_000;
 
-/// Seconds and bytes of memory per pixel of the reference, measured for 256² and 1024² pixels and rounded up.
+/// Seconds per pixel of the reference, and bytes of memory per pixel of the largest sheet, as bounds: an inspection of
+/// 1024² pixels took 217 bytes per pixel.
 const EACH_S: f64 = 20e-6;
 const EACH_BYTES: u64 = 600;
 
@@ -112,13 +113,15 @@ impl Operation for Options {
             let problem = format!("holds {} good samples", samples.len());
             return Err(Error::file(input, problem, format!("give a folder of at least {LEAST_SAMPLES}")));
         }
-        let file = Some(self.reference.join("orientation.exr")).filter(|f| f.is_file());
-        let [width, height] = size(&file.unwrap_or_else(|| self.reference.clone()))?;
-        let pixels = (width * height) as u64;
+        let pixels = pixels_of(&self.reference)?;
+        let mut largest = pixels;
+        for path in &samples {
+            largest = largest.max(pixels_of(path)?);
+        }
         Ok(Work {
             operation: "inspect".into(),
             seconds: 0.1 + EACH_S * pixels as f64 * samples.len() as f64,
-            memory_bytes: EACH_BYTES * pixels,
+            memory_bytes: EACH_BYTES * largest,
             disk_bytes: 60 * pixels * samples.len() as u64,
             ..Work::default()
         })
@@ -207,6 +210,13 @@ impl Options {
         let sheet = SheetReport::new(reference, &sample, &found);
         Ok((if self.train { sheet } else { sheet.judged(limits) }, found))
     }
+}
+
+/// Number of pixels of a result folder or map, by its header.
+fn pixels_of(path: &Path) -> Result<u64> {
+    let file = Some(path.join("orientation.exr")).filter(|file| file.is_file());
+    let [width, height] = size(&file.unwrap_or_else(|| path.to_owned()))?;
+    Ok(width as u64 * height as u64)
 }
 
 /// The result folders of an input, in the order of their names.

@@ -204,8 +204,12 @@ impl Summary for Report {
             let r = &sheet.registration;
             _ = writeln!(
                 text,
-                "{verdict:9} {}: {defects}; turned {:.2}°, shifted {:.1}, {:.1} px",
-                sheet.sample.name, r.turn_deg, r.shift_px[0], r.shift_px[1]
+                "{verdict:9} {}: {defects}; turned {:.2}°, shifted {:.1}, {:.1} px, {:.1} % of the reference inspected",
+                sheet.sample.name,
+                r.turn_deg,
+                r.shift_px[0],
+                r.shift_px[1],
+                100.0 * r.overlap
             );
         }
         if self.trained {
