@@ -6,7 +6,6 @@ use nacre_base::{Error, Result, input};
 use nacre_image::budget::Operation;
 use nacre_image::{ExrMap, read_exr};
 use nacre_maps::{Kind, Map, Maps};
-use num_complex::Complex32;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
@@ -64,6 +63,8 @@ pub struct Sheet {
     pub sigma: Vec<f32>,
     /// Whether a pixel is overexposed in a photograph.
     pub overexposed: Vec<bool>,
+    /// What [`Sheet::without_light`] puts in place of `image` and `sigma`: the orientations alone.
+    pub orientations: (Image, Vec<f32>),
     /// Periods, where they were measured.
     pub periods: Option<Periods>,
     /// Whether brightness and degree of polarization are known.
@@ -85,11 +86,12 @@ impl Sheet {
             return Err(Error::file(path, "has no orientations", "give results that hold orientation.exr"));
         };
         let size = [maps.width, maps.height];
-        let stokes = stokes(path, size)?;
         let pixel_um = maps.maps.values().find_map(|m| m.attributes.get("pixel_um")?.parse().ok());
+        let orientations = from_orientations(size, orientation);
+        let stokes = stokes(path, size)?;
         let (image, sigma, overexposed) = match &stokes {
-            Some(stokes) => with_light(size, orientation, stokes),
-            None => without_light(size, orientation),
+            Some(stokes) => with_light(stokes, &orientation.sigma),
+            None => (orientations.0.clone(), orientations.1.clone(), vec![false; maps.width * maps.height]),
         };
         // Periods from the brightness have no scale.
         let absolute = |m: &&Map| !m.attributes.get("method").is_some_and(|m| m.starts_with("heuristic"));
@@ -98,22 +100,15 @@ impl Sheet {
         let periods = periods.or_else(beside).map(|(value, sigma)| Periods { value, sigma });
         let measured = orientation.sigma.iter().any(|s| *s > 0.0);
         let origin = origin(path, measured)?;
-        Ok(Self { image, sigma, overexposed, periods, has_light: stokes.is_some(), pixel_um, origin })
+        let has_light = stokes.is_some();
+        Ok(Self { image, sigma, overexposed, orientations, periods, has_light, pixel_um, origin })
     }
 
     /// The sheet without brightness and degree of polarization, for a comparison with a sheet that has none.
     #[must_use]
     pub fn without_light(mut self) -> Self {
-        if !self.has_light {
-            return self;
-        }
-        for (value, sigma) in self.image.values.iter_mut().zip(&mut self.sigma) {
-            let size = value[0].hypot(value[1]);
-            // Below five standard deviations there is no grating.
-            let known = size > 5.0 * *sigma;
-            *sigma = if known { *sigma / size } else { 0.0 };
-            *value = if known { [value[0] / size, value[1] / size, 1.0] } else { [0.0, 0.0, 1.0] };
-        }
+        (self.image, self.sigma) = self.orientations.clone();
+        self.overexposed.fill(false);
         self.has_light = false;
         self
     }
@@ -138,53 +133,38 @@ fn stokes(path: &Path, size: [usize; 2]) -> Result<Option<ExrMap>> {
     Ok(Some(map))
 }
 
-/// The polarized part takes its angle from the orientations, which are corrected for films and oblique incidence, and
-/// its size from the Stokes parameters. Where there is no orientation, the Stokes parameters give the angle too.
-fn with_light([width, height]: [usize; 2], map: &Map, stokes: &ExrMap) -> (Image, Vec<f32>, Vec<bool>) {
+/// The polarized part comes from the Stokes parameters, which are linear in the light: pixels at edges mix it, and two
+/// sheets are compared alike whatever model gave their orientations.
+fn with_light(stokes: &ExrMap, angle_sigma: &[f32]) -> (Image, Vec<f32>, Vec<bool>) {
     let [s0, s1, s2] = ["S0", "S1", "S2"].map(|name| &stokes.channels[name]);
-    let count = width * height;
-    let known = |i: &usize| map.mask[*i] > 0.0 && s0[*i] > 0.0;
-    let raw = |i: usize| Complex32::new(s1[i], s2[i]);
-    // Orientations have another origin than Stokes parameters.
-    let turn: Complex32 = (0..count)
-        .filter(known)
-        .map(|i| Complex32::from_polar(1.0, 2.0 * map.value[i]) * raw(i).conj() / raw(i).norm().max(1e-12))
-        .filter(|t| t.is_finite())
-        .sum();
-    let turn = if turn.norm() > 0.0 { turn / turn.norm() } else { 1.0.into() };
-    let spread = |i: usize| 2.0 * map.sigma[i] * raw(i).norm();
-    let shot = (0..count).filter(known).map(|i| spread(i) / s0[i].sqrt()).filter(|s| s.is_finite()).collect::<Vec<_>>();
-    let shot = median(shot).unwrap_or(0.0);
     let top = s0.iter().copied().filter(|v| v.is_finite()).fold(0.0_f32, f32::max);
-    let overexposed: Vec<bool> = (0..count).map(|i| !(s0[i].is_finite() && raw(i).is_finite())).collect();
+    let overexposed: Vec<bool> = (0..s0.len()).map(|i| !(s0[i] + s1[i] + s2[i]).is_finite()).collect();
     let value = |i: usize| {
-        if overexposed[i] {
-            return [0.0, 0.0, top];
-        }
-        let part = if known(&i) { Complex32::from_polar(raw(i).norm(), 2.0 * map.value[i]) } else { raw(i) * turn };
-        [part.re, part.im, s0[i].max(BLACK * top)]
+        if overexposed[i] { [0.0, 0.0, top] } else { [s1[i], s2[i], s0[i].max(BLACK * top)] }
     };
-    let values: Vec<[f32; 3]> = (0..count).map(value).collect();
+    let values: Vec<[f32; 3]> = (0..s0.len()).map(value).collect();
+    // A component is as uncertain as the angle; where there is no angle, its noise follows from the light.
+    let spread = |i: usize| Some(2.0 * angle_sigma[i] * s1[i].hypot(s2[i])).filter(|s| s.is_finite());
+    let shot = (0..s0.len()).filter_map(|i| Some(spread(i)? / s0[i].sqrt())).filter(|s| s.is_finite());
+    let shot = median(shot.collect::<Vec<_>>()).unwrap_or(0.0);
     let sigma = |i: usize| {
         let least = shot * values[i][2].sqrt();
-        if known(&i) && spread(i).is_finite() { spread(i).max(0.5 * least) } else { least }
+        spread(i).map_or(least, |spread| spread.max(0.5 * least))
     };
-    let sigma = (0..count).map(sigma).collect();
-    (Image { width, height, values }, sigma, overexposed)
+    let sigma = (0..s0.len()).map(sigma).collect();
+    (Image { width: stokes.width, height: stokes.height, values }, sigma, overexposed)
 }
 
-fn without_light([width, height]: [usize; 2], map: &Map) -> (Image, Vec<f32>, Vec<bool>) {
-    let count = width * height;
+/// The orientations with a degree of polarization of 1 where there is one, otherwise 0, and their standard deviations.
+fn from_orientations([width, height]: [usize; 2], map: &Map) -> (Image, Vec<f32>) {
+    let known = |i: usize| map.mask[i] > 0.0 && map.value[i].is_finite();
     let value = |i: usize| {
-        if map.mask[i] == 0.0 {
-            return [0.0, 0.0, 1.0];
-        }
         let (sin, cos) = (2.0 * map.value[i]).sin_cos();
-        [cos, sin, 1.0]
+        if known(i) { [cos, sin, 1.0] } else { [0.0, 0.0, 1.0] }
     };
-    let values = (0..count).map(value).collect();
-    let sigma = |i: usize| if map.sigma[i].is_finite() { 2.0 * map.sigma[i] } else { 0.0 };
-    (Image { width, height, values }, (0..count).map(sigma).collect(), vec![false; count])
+    let sigma = |i: usize| if known(i) && map.sigma[i].is_finite() { 2.0 * map.sigma[i] } else { 0.0 };
+    let count = width * height;
+    (Image { width, height, values: (0..count).map(value).collect() }, (0..count).map(sigma).collect())
 }
 
 fn origin(path: &Path, measured: bool) -> Result<Origin> {

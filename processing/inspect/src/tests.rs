@@ -71,7 +71,19 @@ fn sheet(noise_seed: u64, (turn, shift): Pose, spots: &[Spot]) -> Sheet {
     let sigma = image.values.iter().map(|v| NOISE * v[2].max(0.0).sqrt()).collect();
     let origin = Origin { name: "sheet".into(), files: vec![], devices: vec![], captured_s: None, measured: true };
     let (periods, has_light, pixel_um) = (None, true, Some(100.0));
-    Sheet { image, sigma, overexposed: vec![false; SIDE * SIDE], periods, has_light, pixel_um, origin }
+    let orientations = unit_length(&image, &sigma);
+    Sheet { image, sigma, overexposed: vec![false; SIDE * SIDE], orientations, periods, has_light, pixel_um, origin }
+}
+
+/// What maps of orientations say of the sheet: below five standard deviations there is no grating.
+fn unit_length(image: &Image, sigma: &[f32]) -> (Image, Vec<f32>) {
+    let unit = |(value, sigma): (&[f32; 3], &f32)| {
+        let size = value[0].hypot(value[1]);
+        let known = size > 5.0 * sigma;
+        if known { ([value[0] / size, value[1] / size, 1.0], sigma / size) } else { ([0.0, 0.0, 1.0], 0.0) }
+    };
+    let (values, sigma) = image.values.iter().zip(sigma).map(unit).unzip();
+    (Image { values, ..*image }, sigma)
 }
 
 const PARAMETERS: Parameters = Parameters { false_alarms: 0.1, min_area_px: 4, max_turn_deg: 6.0, trained: None };
