@@ -29,10 +29,18 @@ const PERCENTILE_90_2: f32 = 2.1460;
 const PERCENTILE_90_1: f32 = 1.6449;
 
 /// Edges: the share of pixels that are less structured, the share of edges that the term explains, and its smallest
-/// value.
+/// value. Sampled by pixels and blurred, edges that lie otherwise differ by up to 7 % of the structure within the blur,
+/// in 99 % of the structured pixels of eleven simulated sheets. Thresholds are at least five times the smallest value.
 const STEEP: f64 = 0.9;
 const AT_EDGES: f64 = 0.9;
-const LEAST_EDGE: f32 = 0.16;
+const LEAST_EDGE: f32 = 0.03;
+
+/// The same for orientations without brightness, which pixels at edges do not mix linearly.
+const LEAST_EDGE_UNLIT: f32 = 0.16;
+
+/// Relative difference of two captures of one sheet that the smooth background does not explain. It turns an
+/// orientation by 0.15°.
+const SYSTEMATIC: f32 = 0.005;
 
 /// Smallest standard deviation of the degree of polarization, the logarithm of the brightness and that of the period,
 /// for designs and noise-free maps.
@@ -131,8 +139,11 @@ impl Differences {
         let slope = unresolved(&reference.image, &phasor);
         let off = |i: usize| (s[i] - a[i]).norm();
         let noise = scaled(size, &compared, &off, &noise, MEDIAN_2);
-        let edge = edge_share(&some, &off, &noise, &slope, PERCENTILE_90_2);
+        let lit = reference.has_light && sample.has_light;
+        let least = if lit { LEAST_EDGE } else { LEAST_EDGE_UNLIT };
+        let edge = edge_share(&some, &off, &noise, &slope, PERCENTILE_90_2).max(least);
         let sigma = with_edges(&noise, &slope, edge);
+        let sigma: Vec<f32> = sigma.iter().zip(&a).map(|(s, a)| s.hypot(SYSTEMATIC * a.norm())).collect();
         let light = light(
             size,
             &reference.image,
@@ -142,7 +153,7 @@ impl Differences {
             &compared,
             &some,
             &unit,
-            reference.has_light && sample.has_light,
+            lit,
         );
         let period = period(size, reference, sample, refined, &compared, &slope);
         let statistic = (0..width * height)
@@ -320,7 +331,7 @@ fn light(
     let off = |i: usize| value[i].abs();
     let noise = scaled(size, compared, &off, &noise, MEDIAN_1);
     let edge = edge_share(some, &off, &noise, &slope, PERCENTILE_90_1);
-    let sigma = with_edges(&noise, &slope, edge);
+    let sigma = with_edges(&noise, &slope, edge).iter().map(|s| s.hypot(SYSTEMATIC)).collect();
     Difference { value, sigma }
 }
 

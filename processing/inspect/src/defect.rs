@@ -38,6 +38,10 @@ const OPPOSITE: f64 = -0.1;
 /// Brightness change, as a logarithm, that explains a region whose polarization is unchanged.
 const STAIN: f64 = 0.05;
 
+/// Brightness change, as a logarithm, from which a turn does not explain the region: a grating that is turned reflects
+/// as much light as before, one of another period does not.
+const ANOTHER: f64 = 0.01;
+
 /// Class of a defect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -249,6 +253,8 @@ struct Means {
     /// Whether most pixels are overexposed in the sample alone.
     overexposed: bool,
     brightness: Option<f64>,
+    /// Standard deviation of the logarithm of `brightness`.
+    brightness_sigma: f64,
     period: Option<f64>,
     /// Whether the degree of polarization is measured; otherwise it is 0 or 1.
     graded: bool,
@@ -273,6 +279,8 @@ impl Means {
             overexposed: 2 * measured().count() < core.len(),
             grating: power > 4.0 * noise.max(1e-4 * count),
             brightness: mean(&found.light.value),
+            // Errors of neighbours are alike, so a mean is as uncertain as one of them.
+            brightness_sigma: mean(&found.light.sigma).map_or(0.0, f64::ln),
             period: mean(&found.period.value),
             graded: !found.light.value.is_empty(),
             sigma: (noise / power.max(1e-12) / count).sqrt(),
@@ -285,31 +293,32 @@ impl Means {
     }
 }
 
-/// Decides by brightness, then presence, then orientation, then period.
+/// Decides by brightness, then orientation, then presence, then period.
 fn class(means: &Means, [length, width]: [f64; 2]) -> Class {
     // Bare metal is brighter than any grating.
     if means.overexposed {
         return Class::Missing;
     }
-    if means.brightness.is_some_and(|b| b < DARK) {
-        return if length > SCRATCH * width { Class::Scratch } else { Class::Dirt };
+    let mark = if length > SCRATCH * width { Class::Scratch } else { Class::Dirt };
+    let change = means.brightness.map_or(0.0, f64::ln);
+    // Without a grating, nothing but a mark darkens.
+    if change < DARK.ln() || !means.grating && change < -STAIN {
+        return mark;
     }
     if !means.grating {
         return if means.ratio.norm() > 0.0 { Class::WrongPeriod } else { Class::Dirt };
     }
     let (along, across) = ((f64::from(means.ratio.re) - 1.0).abs(), f64::from(means.ratio.im).abs());
     let (size, sigma) = (f64::from(means.ratio.norm()), 3.0 * f64::from(means.sigma));
+    let another = change.abs() > ANOTHER.max(3.0 * means.brightness_sigma);
     let far = size < LITTLE && across > TURNED_FAR.max(TURNED_FAR * along + sigma);
-    if far || across > TURNED * along + sigma || f64::from(means.ratio.re) < OPPOSITE {
+    let aside = across > TURNED * along + sigma;
+    if !another && (far || aside || f64::from(means.ratio.re) < OPPOSITE) {
         return Class::WrongOrientation;
     }
     // Without measured degrees, a lower one is the mean of pixels with and without a grating.
-    if size < GONE || !means.graded && means.period.is_none() {
+    if size < GONE && !aside || !means.graded && means.period.is_none() {
         return Class::Missing;
     }
-    let stained = means.brightness.is_some_and(|b| b.ln().abs() > STAIN.max(along));
-    if stained && means.brightness.is_some_and(|b| b < 1.0) {
-        return if length > SCRATCH * width { Class::Scratch } else { Class::Dirt };
-    }
-    Class::WrongPeriod
+    if change < -STAIN.max(along) { mark } else { Class::WrongPeriod }
 }

@@ -1,7 +1,7 @@
 //! A sheet as an inspection reads it: a result folder of `nacre reconstruct`, or a design.
 
 use crate::image::Image;
-use nacre_base::statistics::median;
+use nacre_base::statistics::quantile;
 use nacre_base::{Error, Result, input};
 use nacre_image::budget::Operation;
 use nacre_image::{ExrMap, read_exr};
@@ -14,6 +14,9 @@ use std::path::{Path, PathBuf};
 
 /// Brightness relative to its highest value below which a pixel is black.
 const BLACK: f32 = 1e-5;
+
+/// Share of the pixels whose orientations have no larger standard deviation than noise explains.
+const LEAST_INFLATED: f64 = 0.1;
 
 /// Maximum size of JSON files that are searched for devices and times.
 const MOST_JSON_BYTES: u64 = 16 << 20;
@@ -143,15 +146,11 @@ fn with_light(stokes: &ExrMap, angle_sigma: &[f32]) -> (Image, Vec<f32>, Vec<boo
         if overexposed[i] { [0.0, 0.0, top] } else { [s1[i], s2[i], s0[i].max(BLACK * top)] }
     };
     let values: Vec<[f32; 3]> = (0..s0.len()).map(value).collect();
-    // A component is as uncertain as the angle; where there is no angle, its noise follows from the light.
-    let spread = |i: usize| Some(2.0 * angle_sigma[i] * s1[i].hypot(s2[i])).filter(|s| s.is_finite());
-    let shot = (0..s0.len()).filter_map(|i| Some(spread(i)? / s0[i].sqrt())).filter(|s| s.is_finite());
-    let shot = median(shot.collect::<Vec<_>>()).unwrap_or(0.0);
-    let sigma = |i: usize| {
-        let least = shot * values[i][2].sqrt();
-        spread(i).map_or(least, |spread| spread.max(0.5 * least))
-    };
-    let sigma = (0..s0.len()).map(sigma).collect();
+    // Shot noise; errors of models only ever enlarge the standard deviations of orientations.
+    let spread = |i: usize| 2.0 * angle_sigma[i] * s1[i].hypot(s2[i]) / s0[i].sqrt();
+    let mut all: Vec<f32> = (0..s0.len()).map(spread).filter(|s| s.is_finite()).collect();
+    let shot = quantile(&mut all, LEAST_INFLATED).unwrap_or(0.0);
+    let sigma = values.iter().map(|v| shot * v[2].sqrt()).collect();
     (Image { width: stokes.width, height: stokes.height, values }, sigma, overexposed)
 }
 

@@ -28,18 +28,22 @@ struct Spot {
 /// Pose of a sheet: turn in rad and shift in pixels.
 type Pose = (f64, [f64; 2]);
 
-/// Polarization and brightness of the sheet at a point in pixels from its middle, y up.
-fn surface(cells: &[[f64; 3]], x: f64, y: f64, spots: &[Spot]) -> (Complex32, f32) {
-    let distance = |c: &&[f64; 3]| (c[0] - x).hypot(c[1] - y);
-    let near = cells.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    let angle = near.map_or(0.0, |c| c[2]) + 0.01 * x;
-    let (mut polarization, mut light) = (Complex32::from_polar(POLARIZED, (2.0 * angle) as f32), 1.0);
-    for spot in spots.iter().filter(|s| (s.at[0] - x).hypot(s.at[1] - y) < s.radius) {
-        polarization *= spot.polarization;
-        light *= spot.brightness;
-    }
-    (polarization, light)
+/// Number of the nearest cell and of the last spot at a point in pixels from the middle of the sheet, y up.
+fn place(cells: &[[f64; 3]], x: f64, y: f64, spots: &[Spot]) -> (usize, Option<usize>) {
+    let distance = |k: &usize| (cells[*k][0] - x).hypot(cells[*k][1] - y);
+    let near = (0..cells.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+    (near, spots.iter().rposition(|s| (s.at[0] - x).hypot(s.at[1] - y) < s.radius))
 }
+
+/// Polarization and brightness of the sheet at a point.
+fn surface(cells: &[[f64; 3]], x: f64, y: f64, spots: &[Spot]) -> (Complex32, f32) {
+    let (cell, spot) = place(cells, x, y, spots);
+    let polarization = Complex32::from_polar(POLARIZED, (2.0 * (cells[cell][2] + 0.01 * x)) as f32);
+    spot.map_or((polarization, 1.0), |k| (polarization * spots[k].polarization, spots[k].brightness))
+}
+
+/// Points per pixel along each axis, where it has an edge.
+const FINE: i32 = 8;
 
 fn sheet(noise_seed: u64, (turn, shift): Pose, spots: &[Spot]) -> Sheet {
     let mut random = Stream::of(SEED);
@@ -49,14 +53,23 @@ fn sheet(noise_seed: u64, (turn, shift): Pose, spots: &[Spot]) -> Sheet {
     let (mut noise, half) = (Stream::of(noise_seed), 0.5 * (SIDE as f64 - 1.0));
     let (sin, cos) = turn.sin_cos();
     let spin = Complex32::from_polar(1.0, (2.0 * turn) as f32);
+    let on_sheet = |i: usize, dx: f64, dy: f64| {
+        let (x, y) = ((i % SIDE) as f64 + dx - half - shift[0], half - (i / SIDE) as f64 - dy + shift[1]);
+        (x * cos + y * sin, y * cos - x * sin)
+    };
     let pixel = |i: usize| {
+        let corner = |k: u8| {
+            let (x, y) = on_sheet(i, f64::from(k % 2) - 0.5, f64::from(k / 2) - 0.5);
+            place(&cells, x, y, spots)
+        };
+        let fine = if (1..4).all(|k| corner(k) == corner(0)) { 1 } else { FINE };
         let mut sum = [0.0; 3];
-        for k in 0..9 {
-            let (dx, dy) = (f64::from(k % 3 - 1) / 3.0, f64::from(k / 3 - 1) / 3.0);
-            let (x, y) = ((i % SIDE) as f64 + dx - half - shift[0], half - (i / SIDE) as f64 - dy + shift[1]);
-            let (p, light) = surface(&cells, x * cos + y * sin, y * cos - x * sin, spots);
+        for k in 0..fine * fine {
+            let offset = |k: i32| (f64::from(k) + 0.5) / f64::from(fine) - 0.5;
+            let (x, y) = on_sheet(i, offset(k % fine), offset(k / fine));
+            let (p, light) = surface(&cells, x, y, spots);
             let p = p * spin * light;
-            [p.re, p.im, light].iter().zip(&mut sum).for_each(|(v, s)| *s += v / 9.0);
+            [p.re, p.im, light].iter().zip(&mut sum).for_each(|(v, s)| *s += v / (fine * fine) as f32);
         }
         sum
     };
@@ -68,7 +81,7 @@ fn sheet(noise_seed: u64, (turn, shift): Pose, spots: &[Spot]) -> Sheet {
         let [a, b, c] = [normal(), normal(), normal()].map(|v| v as f32 * scale);
         *value = [value[0] + a, value[1] + b, value[2] + c * std::f32::consts::FRAC_1_SQRT_2];
     }
-    let sigma = image.values.iter().map(|v| NOISE * v[2].max(0.0).sqrt()).collect();
+    let sigma: Vec<f32> = image.values.iter().map(|v| NOISE * v[2].max(0.0).sqrt()).collect();
     let origin = Origin { name: "sheet".into(), files: vec![], devices: vec![], captured_s: None, measured: true };
     let (periods, has_light, pixel_um) = (None, true, Some(100.0));
     let orientations = unit_length(&image, &sigma);

@@ -25,6 +25,9 @@ pub const KINDS: [SampleKind; 8] = [
     SampleKind::Emblem,
 ];
 
+/// Rays per pixel along each axis.
+const SUBSAMPLES: u32 = 8;
+
 /// Distance in pixels up to which a region belongs to a planted defect: blur and registration.
 const NEAR_PX: f64 = 2.0;
 
@@ -86,9 +89,16 @@ impl Trial {
     fn bench(&self) -> BenchConfig {
         let mut bench = BenchConfig { seed: key(&[self.seed, 1]), ..BenchConfig::default() };
         (bench.camera.width, bench.camera.height) = (self.pixels, self.pixels);
+        // Pixels of cameras integrate: with fewer rays, edges have stairs that no camera shows.
+        bench.camera.subsamples = SUBSAMPLES;
         bench.camera.well_e = self.well_e;
         (bench.sample.kind, bench.sample.seed) = (self.kind, Some(self.seed));
         bench
+    }
+
+    /// Side of a pixel on the sheet in mm.
+    pub fn pixel_mm(&self) -> f64 {
+        self.bench().sample.field_mm() / f64::from(self.pixels)
     }
 
     /// Defects that both captures show: those of gratings on gratings, the others on anything that reflects.
@@ -162,8 +172,7 @@ impl Trial {
     }
 
     fn judge(&self, found: &Inspection, planted: &[PlantedDefect], seconds: f64) -> Judged {
-        let bench = self.bench();
-        let pixel_mm = bench.sample.field_mm() / f64::from(self.pixels);
+        let pixel_mm = self.pixel_mm();
         let (width, half) = (self.pixels as usize, 0.5 * f64::from(self.pixels) - 0.5);
         let distance_px = |defect: &PlantedDefect, i: usize| {
             let [x, y] = [(i % width) as f64 - half, half - (i / width) as f64].map(|v| v * pixel_mm);
