@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::fs;
 
 /// Commands and the operations from whose options they are derived.
-const DERIVED: [(&[&str], &str); 14] = [
+const DERIVED: [(&[&str], &str); 15] = [
     (&["reconstruct", "polarization"], "polarization"),
     (&["reconstruct", "hdr"], "hdr"),
     (&["reconstruct", "stack"], "stack"),
@@ -28,6 +28,7 @@ const DERIVED: [(&[&str], &str); 14] = [
     (&["factor"], "factor"),
     (&["synthesize"], "synthesize"),
     (&["inspect"], "inspect"),
+    (&["calibrate", "camera"], "camera"),
 ];
 
 /// Operations on the page's uploads, and options with separate controls.

@@ -23,6 +23,7 @@ pub const OPERATIONS: &[&dyn Registered] = &[
     &Entry::<nacre_render::environment::factor::Options>::NEW,
     &Entry::<foil::SynthesizeOptions>::NEW,
     &Entry::<nacre_inspect::Options>::NEW,
+    &Entry::<nacre_calibrate::Options>::NEW,
 ];
 
 /// The operation with a name.

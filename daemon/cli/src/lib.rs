@@ -90,7 +90,7 @@ enum Command {
     Synthesize(Whole<nacre_lut::foil::SynthesizeOptions>),
     /// Inspect sheets against a reference: register, compare and find defects.
     Inspect(Whole<nacre_inspect::Options>),
-    /// Calibrate the geometry of camera, sample, panel and light.
+    /// Calibrate camera, geometry and panel.
     #[command(subcommand)]
     Calibrate(commands::calibrate::Calibrate),
     /// Recommend a reconstruction method from one photograph of the sample.

@@ -238,7 +238,7 @@ pub struct CameraConfig {
     pub vignetting: f64,
     /// Diameter of the aperture in mm; it softens the edge of the disc.
     pub aperture_mm: f64,
-    /// Rays per pixel along each axis.
+    /// Rays per pixel along each axis. Pixels that show one surface get two.
     pub subsamples: u32,
 }
 

@@ -24,6 +24,24 @@ pub struct Point {
     pub slope: [f32; 2],
 }
 
+impl Point {
+    /// Whether two points of a pixel may stand for those between them: the same kind of surface, within a few per cent
+    /// of orientation, period, depth, reflectance and tilt.
+    pub fn is_like(&self, other: &Self) -> bool {
+        const NEAR: f32 = 0.05;
+        let near = |a: f32, b: f32| (a - b).abs() <= NEAR * a.abs().max(b.abs());
+        let surface = match (self.surface, other.surface) {
+            (
+                Surface::Grating { orientation: a, period_um: p, depth_um: d },
+                Surface::Grating { orientation: b, period_um: q, depth_um: e },
+            ) => (a - b).sin().abs() < NEAR && near(p, q) && near(d, e),
+            (a, b) => a == b,
+        };
+        let tilt = self.slope.iter().zip(other.slope).all(|(a, b)| (a - b).abs() < NEAR * NEAR);
+        surface && near(self.reflectance, other.reflectance) && tilt
+    }
+}
+
 /// Kinds of surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Surface {

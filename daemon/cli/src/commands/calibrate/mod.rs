@@ -5,6 +5,7 @@ mod geometry;
 mod highlight;
 mod panel;
 
+use super::derived::Whole;
 use crate::console::Console;
 use clap::Subcommand;
 use nacre_capture::Failure;
@@ -14,6 +15,8 @@ use nacre_capture::Failure;
 pub enum Calibrate {
     /// Measure camera, sample, panel, light and wavelength; writes a geometry.json.
     Geometry(Box<geometry::Geometry>),
+    /// Measure gain, noise, full well and bad pixels of a camera.
+    Camera(Whole<nacre_calibrate::Options>),
     /// Draw a chessboard to print or to show on the panel.
     Board(board::BoardPicture),
     /// Measure the panel's tone curve with the camera, and check that patterns appear when reported.
@@ -24,6 +27,7 @@ pub enum Calibrate {
 pub fn run(command: &Calibrate, console: &Console) -> Result<(), Failure> {
     match command {
         Calibrate::Geometry(args) => args.run(console),
+        Calibrate::Camera(args) => args.run(console),
         Calibrate::Board(args) => args.run(console),
         Calibrate::Panel(args) => args.run(console),
     }

@@ -1,0 +1,117 @@
+//! Calibration of simulated photographs with known noise.
+
+use super::camera::Options;
+use nacre_base::operation::perform;
+use nacre_base::progress::Silent;
+use nacre_base::random::Stream;
+use nacre_image::write_png16_gray;
+use std::path::Path;
+
+const SIDE: usize = 160;
+
+/// Properties of a sensor.
+#[derive(Clone, Copy)]
+struct Sensor {
+    /// DN per electron.
+    gain: f64,
+    read_noise_e: f64,
+    full_well_e: f64,
+    dark_e_s: f64,
+    black_dn: f64,
+    dsnu_e: f64,
+    prnu: f64,
+}
+
+const SENSOR: Sensor = Sensor {
+    gain: 0.8,
+    read_noise_e: 6.0,
+    full_well_e: 30_000.0,
+    dark_e_s: 40.0,
+    black_dn: 240.0,
+    dsnu_e: 3.0,
+    prnu: 0.012,
+};
+
+/// A standard normal number.
+fn normal(random: &mut Stream) -> f64 {
+    (-2.0 * random.next().max(1e-300).ln()).sqrt() * (std::f64::consts::TAU * random.next()).cos()
+}
+
+/// Photographs of uneven light (0 for darkness) at each exposure, two of each.
+fn photographs(sensor: Sensor, folder: &Path, light_e_s: f64, exposures_s: &[f64], seed: u64) {
+    std::fs::create_dir_all(folder).unwrap();
+    let (mut pattern, mut random) = (Stream::of(99), Stream::of(seed));
+    let of_pixel: Vec<[f64; 2]> = (0..SIDE * SIDE).map(|_| [normal(&mut pattern), normal(&mut pattern)]).collect();
+    let mut frames = vec![];
+    for (k, exposure_s) in exposures_s.iter().flat_map(|e| [e, e]).enumerate() {
+        let code = |i: usize, random: &mut Stream| {
+            let (x, y) = ((i % SIDE) as f64 / SIDE as f64 - 0.5, (i / SIDE) as f64 / SIDE as f64 - 0.5);
+            let shading = 1.0 - 0.4 * (x * x + y * y);
+            let light = light_e_s * exposure_s * shading * (1.0 + sensor.prnu * of_pixel[i][0]);
+            let dark = sensor.dark_e_s * exposure_s;
+            // Two bad pixels: one hot, one dead.
+            let (light, hot) = if i == 5000 { (0.0, 0.0) } else { (light, if i == 9000 { 900.0 } else { 0.0 }) };
+            let mean = light + dark;
+            let electrons = (mean + mean.sqrt() * normal(random)).min(sensor.full_well_e);
+            let electrons = electrons + hot + sensor.dsnu_e * of_pixel[i][1] + sensor.read_noise_e * normal(random);
+            (sensor.black_dn + sensor.gain * electrons).round().clamp(0.0, 65_535.0) as u16
+        };
+        let codes: Vec<u16> = (0..SIDE * SIDE).map(|i| code(i, &mut random)).collect();
+        let file = format!("{k:02}.png");
+        write_png16_gray(&folder.join(&file), SIDE, SIDE, &codes).unwrap();
+        frames.push(serde_json::json!({ "file": file, "exposure_s": exposure_s }));
+    }
+    let set = serde_json::json!({ "kind": "exposures", "frames": frames, "transfer": "linear" });
+    std::fs::write(folder.join("frames.json"), set.to_string()).unwrap();
+}
+
+const EXPOSURES_S: [f64; 9] = [0.001, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4];
+
+#[test]
+fn a_sensor_is_measured_within_its_standard_deviations() {
+    let seed = 7;
+    println!("seed {seed}");
+    let place = tempfile::tempdir().unwrap();
+    let (flats, darks) = (place.path().join("flats"), place.path().join("darks"));
+    photographs(SENSOR, &flats, 100_000.0, &EXPOSURES_S, seed);
+    photographs(SENSOR, &darks, 0.0, &EXPOSURES_S, seed + 1);
+    let options = Options { darks: Some(darks), channel: None };
+    let report = perform(&options, &flats, &place.path().join("out"), false, &Silent).unwrap();
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    let gain = report.gain_dn_e;
+    assert!((gain.value / SENSOR.gain - 1.0).abs() < 0.01, "{gain:?}");
+    assert!((gain.value - SENSOR.gain).abs() < 3.0 * gain.sigma, "{gain:?}");
+    let noise = report.read_noise_e;
+    assert!((noise.value / SENSOR.read_noise_e - 1.0).abs() < 0.03, "{noise:?}");
+    assert!((report.full_well_e.unwrap() / SENSOR.full_well_e - 1.0).abs() < 0.15, "{:?}", report.full_well_e);
+    let current = report.dark_current_e_s.unwrap();
+    assert!((current.value - SENSOR.dark_e_s).abs() < 4.0 * current.sigma.max(0.5), "{current:?}");
+    assert!((report.black_dn - SENSOR.black_dn).abs() < 0.5, "{}", report.black_dn);
+    assert!(report.linearity_error.unwrap() < 0.003, "{:?}", report.linearity_error);
+    assert!((report.spatial.dsnu_e / SENSOR.dsnu_e - 1.0).abs() < 0.1, "{:?}", report.spatial);
+    assert!((report.spatial.prnu / SENSOR.prnu - 1.0).abs() < 0.05, "{:?}", report.spatial);
+    assert_eq!(report.spatial.bad_pixels, 2);
+    let written = std::fs::read_to_string(place.path().join("out/noise.json")).unwrap();
+    assert!(written.contains("full_scale_e"), "{written}");
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let place = tempfile::tempdir().unwrap();
+    let (flats, darks) = (place.path().join("flats"), place.path().join("darks"));
+    photographs(SENSOR, &flats, 100_000.0, &[0.01, 0.02], 1);
+    photographs(SENSOR, &darks, 0.0, &[0.01], 2);
+    let options = Options { darks: Some(darks), channel: None };
+    let report = perform(&options, &flats, &place.path().join("out"), false, &Silent).unwrap();
+    assert!(report.full_well_e.is_none() && report.dark_current_e_s.is_none() && report.linearity_error.is_none());
+    assert!(report.warnings.iter().any(|w| w.contains("no photograph is saturated")), "{:?}", report.warnings);
+    let refused = |options: &Options, input: &Path| {
+        perform(options, input, &place.path().join("no"), false, &Silent).unwrap_err().to_string()
+    };
+    assert!(refused(&Options { channel: Some(2), ..options.clone() }, &flats).contains("channel"));
+    assert!(refused(&Options { darks: None, channel: None }, &flats).contains("darks"));
+    let nothing = Some(place.path().join("nothing"));
+    assert!(refused(&Options { darks: nothing, channel: None }, &flats).contains("nothing"));
+    std::fs::remove_file(flats.join("01.png")).unwrap();
+    assert!(refused(&options, &flats).contains("01.png"));
+}
