@@ -42,6 +42,9 @@ const LEAST_EDGE_UNLIT: f32 = 0.16;
 /// orientation by 0.15°.
 const SYSTEMATIC: f32 = 0.005;
 
+/// The same for the logarithm of the brightness.
+const SYSTEMATIC_LIGHT: f32 = 0.003;
+
 /// Smallest standard deviation of the degree of polarization, the logarithm of the brightness and that of the period,
 /// for designs and noise-free maps.
 const LEAST: f32 = 1e-3;
@@ -331,7 +334,7 @@ fn light(
     let off = |i: usize| value[i].abs();
     let noise = scaled(size, compared, &off, &noise, MEDIAN_1);
     let edge = edge_share(some, &off, &noise, &slope, PERCENTILE_90_1);
-    let sigma = with_edges(&noise, &slope, edge).iter().map(|s| s.hypot(SYSTEMATIC)).collect();
+    let sigma = with_edges(&noise, &slope, edge).iter().map(|s| s.hypot(SYSTEMATIC_LIGHT)).collect();
     Difference { value, sigma }
 }
 
