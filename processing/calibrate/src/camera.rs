@@ -152,7 +152,7 @@ impl Operation for Options {
     }
 }
 
-/// What makes the results doubtful.
+/// Reasons to doubt the results.
 fn doubts(found: &crate::transfer::Transfer, dark: &[Level]) -> Vec<String> {
     let mut doubts = vec![];
     if found.full_well_e.is_none() {

@@ -1,7 +1,7 @@
 //! Photon transfer: gain, read noise, full well, dark current and linearity from means and variances.
 //!
-//! Definitions follow EMVA Standard 1288, release 4.0 Linear, sections 6 and 7: of two photographs of one exposure, the
-//! variance of their difference is twice the temporal noise, and patterns of light and sensor cancel.
+//! Definitions follow EMVA Standard 1288, release 4.0 Linear, sections 6 and 7. The difference of two photographs of
+//! one exposure has twice the variance of the temporal noise; patterns of light and sensor cancel.
 
 use crate::series::{Group, values};
 use nacre_base::Result;
@@ -99,7 +99,7 @@ pub struct Transfer {
     pub fitted: usize,
 }
 
-/// Photon transfer of levels with light against levels of darkness; `None` if no level with light lies below saturation.
+/// Photon transfer of levels with light against levels of darkness. `None` if no level with light is below saturation.
 pub fn transfer(lit: &[Level], dark: &[Level]) -> Option<Transfer> {
     let top = lit.iter().max_by(|a, b| a.variance_dn2.total_cmp(&b.variance_dn2))?;
     let saturates = lit.iter().any(|l| l.mean_dn > top.mean_dn && l.variance_dn2 < 0.9 * top.variance_dn2);

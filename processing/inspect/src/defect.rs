@@ -38,8 +38,8 @@ const OPPOSITE: f64 = -0.1;
 /// Brightness change, as a logarithm, that explains a region whose polarization is unchanged.
 const STAIN: f64 = 0.05;
 
-/// Brightness change, as a logarithm, from which a turn does not explain the region: a grating that is turned reflects
-/// as much light as before, one of another period does not.
+/// Brightness change, as a logarithm, from which a turn does not explain the region. A grating that is turned reflects
+/// as much light as before; one of another period does not.
 const ANOTHER: f64 = 0.01;
 
 /// Class of a defect.

@@ -66,7 +66,7 @@ pub struct Sheet {
     pub sigma: Vec<f32>,
     /// Whether a pixel is overexposed in a photograph.
     pub overexposed: Vec<bool>,
-    /// What [`Sheet::without_light`] puts in place of `image` and `sigma`: the orientations alone.
+    /// Image and standard deviations from the orientations alone, for [`Sheet::without_light`].
     pub orientations: (Image, Vec<f32>),
     /// Periods, where they were measured.
     pub periods: Option<Periods>,

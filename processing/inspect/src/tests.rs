@@ -88,7 +88,7 @@ fn sheet(noise_seed: u64, (turn, shift): Pose, spots: &[Spot]) -> Sheet {
     Sheet { image, sigma, overexposed: vec![false; SIDE * SIDE], orientations, periods, has_light, pixel_um, origin }
 }
 
-/// What maps of orientations say of the sheet: below five standard deviations there is no grating.
+/// The sheet as maps of orientations show it: below five standard deviations there is no grating.
 fn unit_length(image: &Image, sigma: &[f32]) -> (Image, Vec<f32>) {
     let unit = |(value, sigma): (&[f32; 3], &f32)| {
         let size = value[0].hypot(value[1]);
