@@ -18,6 +18,12 @@ use utoipa::{IntoParams, ToSchema};
 /// Longest time of a preview frame in seconds, exposure included.
 const LONGEST_PREVIEW_S: f64 = 2.0;
 
+/// Smallest range of levels that the preview stretches, so that the noise of a dark frame stays dark.
+const LEAST_CONTRAST: f32 = 0.05;
+
+/// Number of pixels that determine the stretch of the preview.
+const SAMPLED: usize = 50_000;
+
 /// State of the bench.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Devices {
@@ -131,6 +137,19 @@ pub struct CameraSettings {
     gain: f64,
 }
 
+/// Picture of the newest frame.
+#[derive(Clone, Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct PreviewPicture {
+    /// Most pixels per row.
+    #[param(minimum = 1, maximum = 16384)]
+    width: Option<usize>,
+    /// Whether to show the levels of `stretch` as black and white.
+    #[serde(default)]
+    stretch: bool,
+}
+
 /// Pattern to show.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -175,6 +194,8 @@ pub struct Preview {
     saturated: f64,
     /// Mean between black (0) and white (1).
     mean: f64,
+    /// Levels that 0.5 % of the pixels are below and above, between black (0) and white (1).
+    stretch: [f64; 2],
     analyser_deg: Option<f64>,
 }
 
@@ -342,6 +363,14 @@ pub async fn set_camera(State(app): State<Arc<App>>, Body(body): Body<CameraSett
     .await
 }
 
+/// Sets the preview's exposure by metering the present light. The analyser stays where it is.
+#[utoipa::path(post, path = "/api/v1/devices/camera/meter", tag = "devices", operation_id = "meter_camera",
+    request_body = Nothing,
+    responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 409, body = Problem)))]
+pub async fn meter_camera(State(app): State<Arc<App>>, Body(_nothing): Body<Nothing>) -> Answer<Json<Devices>> {
+    and_describe(&app, |owner| owner.meter(Duration::from_secs_f64(LONGEST_PREVIEW_S))).await
+}
+
 /// Switches the flash.
 #[utoipa::path(post, path = "/api/v1/devices/flash/switch", tag = "devices", operation_id = "switch_flash",
     request_body = SwitchBody,
@@ -361,20 +390,21 @@ pub async fn switch_flash(State(app): State<Arc<App>>, Body(body): Body<SwitchBo
 #[utoipa::path(post, path = "/api/v1/stop", tag = "devices", operation_id = "stop",
     responses((status = 200, body = Stopped), (status = 409, body = Problem)))]
 pub async fn stop(State(app): State<Arc<App>>) -> Answer<Json<Stopped>> {
+    app.samples.abort();
     app.bench.stop().await?;
     Ok(Json(Stopped { stopped: true }))
 }
 
 /// The newest frame as a grey picture with a display's gamma.
 #[utoipa::path(get, path = "/api/v1/devices/camera/preview.png", tag = "devices", operation_id = "preview_picture",
-    params(Width),
+    params(PreviewPicture),
     responses((status = 200, content_type = "image/png", body = [u8]), (status = 400, body = Problem),
         (status = 409, body = Problem)))]
-pub async fn preview_picture(State(app): State<Arc<App>>, Params(query): Params<Width>) -> Answer<Response> {
+pub async fn preview_picture(State(app): State<Arc<App>>, Params(query): Params<PreviewPicture>) -> Answer<Response> {
     let picture = app.bench.work(Owner::preview).await?;
     let tag = format!("\"{}\"", picture.sequence);
     let width = super::picture_width(query.width, 1024)?;
-    let body = super::blocking(move || png(grey(&picture, width))).await?;
+    let body = super::blocking(move || png(grey(&picture, width, query.stretch))).await?;
     Ok(([(header::ETAG, tag)], body).into_response())
 }
 
@@ -399,6 +429,7 @@ pub async fn preview(State(app): State<Arc<App>>) -> Answer<Json<Preview>> {
         histogram,
         saturated: f64::from(saturated) / pixels,
         mean: sum / pixels,
+        stretch: picture.percentiles().map(f64::from),
         analyser_deg,
     }))
 }
@@ -409,9 +440,22 @@ impl Picture {
         let [black, white] = self.range.map(f32::from);
         ((f32::from(code) - black) / (white - black)).clamp(0.0, 1.0)
     }
+
+    /// Levels that 0.5 % of the pixels are below and above, at least [`LEAST_CONTRAST`] apart.
+    fn percentiles(&self) -> [f32; 2] {
+        let step = self.codes.len().div_ceil(SAMPLED).max(1);
+        let mut codes: Vec<u16> = self.codes.iter().copied().step_by(step).collect();
+        codes.sort_unstable();
+        let outside = codes.len() / 200;
+        let at = |k: usize| codes.get(k).map_or(0.0, |code| self.level(*code));
+        let [low, high] = [at(outside), at(codes.len().saturating_sub(outside + 1))];
+        if high - low >= LEAST_CONTRAST { [low, high] } else { [low.min(1.0 - LEAST_CONTRAST), (low + LEAST_CONTRAST).min(1.0)] }
+    }
 }
 
 /// PNG of at most `width` pixels per row.
-fn grey(picture: &Picture, width: usize) -> std::io::Result<Vec<u8>> {
-    super::maps::grey(picture.width, picture.height, width, &|i| picture.level(picture.codes[i]), &encode_png8)
+fn grey(picture: &Picture, width: usize, stretch: bool) -> std::io::Result<Vec<u8>> {
+    let [low, high] = if stretch { picture.percentiles() } else { [0.0, 1.0] };
+    let level = |i: usize| ((picture.level(picture.codes[i]) - low) / (high - low)).clamp(0.0, 1.0);
+    super::maps::grey(picture.width, picture.height, width, &level, &encode_png8)
 }

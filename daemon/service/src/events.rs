@@ -62,6 +62,12 @@ impl EventLog {
         self.newest.send_replace(id);
     }
 
+    /// Adds an event that replaces the earlier ones of its name, so that frequent events do not displace others.
+    pub fn replace(&self, name: &'static str, data: &impl Serialize) {
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner).retain(|entry| entry.name != name);
+        self.push(name, data);
+    }
+
     /// Adds an event of a session with its `time` in Unix seconds, if known.
     pub fn push_at(&self, name: &'static str, time: Option<f64>, data: &impl Serialize) {
         self.push(name, &Timed { time, data });

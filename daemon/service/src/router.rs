@@ -4,7 +4,7 @@ use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
     App, access, charts, connections, deletion, devices, display, map_list, map_regions, measure, naming, operations,
-    plans, reconstructions, renders, results, session_data, sessions, stored_uploads, tiles, trash, uploads, view,
+    plans, reconstructions, renders, results, samples, session_data, sessions, stored_uploads, tiles, trash, uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
@@ -65,6 +65,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(devices::home_stage))
         .routes(routes!(devices::show))
         .routes(routes!(devices::set_camera))
+        .routes(routes!(devices::meter_camera))
         .routes(routes!(devices::switch_flash))
         .routes(routes!(measure::begin))
         .routes(routes!(measure::state))
@@ -74,6 +75,9 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(plans::schema))
         .routes(routes!(plans::check))
         .routes(routes!(plans::estimate))
+        .routes(routes!(samples::list))
+        .routes(routes!(samples::picture))
+        .routes(routes!(samples::begin))
         .routes(routes!(sessions::begin, sessions::list))
         .routes(routes!(sessions::get, naming::session, deletion::session))
         .routes(routes!(sessions::pause))
