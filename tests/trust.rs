@@ -109,6 +109,7 @@ const ROLES: &[(&str, &str, &str)] = &[
     ("view", "GET", "/api/v1/reconstructions/{id}/view"),
     ("view", "GET", "/api/v1/reconstructions/{id}/view.html"),
     ("view", "GET", "/api/v1/samples"),
+    ("view", "GET", "/api/v1/samples/{kind}/photographs.png"),
     ("view", "GET", "/api/v1/samples/{kind}/picture.png"),
     ("operate", "POST", "/api/v1/samples/{kind}/sessions"),
     ("view", "GET", "/api/v1/sessions"),

@@ -62,7 +62,7 @@ pub struct Pace {
     frames: u64,
     /// Number of timed frames, and their total time in seconds.
     timed: (u64, f64),
-    /// End of the last frame; `None` after a pause, which must not count.
+    /// End of the last frame; `None` at the start and after a pause, when the devices are prepared.
     last: Option<Instant>,
 }
 
@@ -79,7 +79,7 @@ impl Pace {
             (self.phase, self.begun) = (phase, now);
         }
         if phase == Phase::Frames {
-            (self.frames, self.last) = (steps, Some(now));
+            (self.frames, self.last) = (steps, None);
         }
     }
 
@@ -103,18 +103,24 @@ impl Pace {
         let since = |then: Instant| now.saturating_duration_since(then).as_secs_f64();
         match self.phase {
             Phase::Waiting => metering_s + frames_s + results_s,
-            Phase::Metering => (metering_s - since(self.begun)).max(0.0) + frames_s + results_s,
+            Phase::Metering => overdue(metering_s, since(self.begun)) + frames_s + results_s,
             Phase::Frames => {
                 let predicted = frames_s / self.frames.max(1) as f64;
                 // The prediction counts as one measured frame.
                 let (count, seconds) = self.timed;
                 let each = (seconds + predicted) / (count + 1) as f64;
-                let under_way = self.last.map_or(0.0, |last| since(last).min(each));
+                let under_way = since(self.last.unwrap_or(self.begun)).min(each);
                 (each * self.frames.saturating_sub(done) as f64 - under_way).max(0.0) + results_s
             }
-            Phase::Results => (results_s - since(self.begun)).max(0.0),
+            Phase::Results => overdue(results_s, since(self.begun)),
         }
     }
+}
+
+/// Remaining time in seconds of a phase without measured pace. One that takes longer than predicted is assumed to last
+/// a quarter longer than so far.
+fn overdue(predicted_s: f64, elapsed_s: f64) -> f64 {
+    (predicted_s - elapsed_s).max(0.25 * elapsed_s)
 }
 
 #[cfg(test)]
@@ -134,18 +140,18 @@ mod tests {
         assert_eq!(pace.remaining_s(0, begun), 15.0);
         pace.stage("metering", 1, begun);
         assert_eq!(pace.remaining_s(0, at(begun, 0.5)), 14.5);
-        pace.stage("capturing", 10, at(begun, 2.0));
-        assert_eq!(pace.remaining_s(0, at(begun, 2.0)), 13.0);
+        assert_eq!(pace.remaining_s(0, at(begun, 8.0)), 15.0, "metering takes longer than predicted");
+        pace.stage("capturing", 10, at(begun, 9.0));
+        assert_eq!(pace.remaining_s(0, at(begun, 9.0)), 13.0);
         // Frames take 2 s each, twice as long as predicted.
         for k in 1..=9 {
-            pace.frame(at(begun, 2.0 + 2.0 * f64::from(k)));
+            pace.frame(at(begun, 9.0 + 2.0 * f64::from(k)));
         }
-        let left = pace.remaining_s(9, at(begun, 20.0));
+        let left = pace.remaining_s(9, at(begun, 27.0));
         assert!((4.8..5.0).contains(&left), "{left}");
-        pace.stage("solving", 1, at(begun, 22.0));
-        pace.stage("writing", 1, at(begun, 24.0));
-        assert_eq!(pace.remaining_s(10, at(begun, 24.0)), 1.0);
-        assert_eq!(pace.remaining_s(10, at(begun, 99.0)), 0.0);
+        pace.stage("solving", 1, at(begun, 29.0));
+        pace.stage("writing", 1, at(begun, 31.0));
+        assert_eq!(pace.remaining_s(10, at(begun, 31.0)), 1.0);
     }
 
     #[test]

@@ -77,6 +77,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(plans::estimate))
         .routes(routes!(samples::list))
         .routes(routes!(samples::picture))
+        .routes(routes!(samples::photographs))
         .routes(routes!(samples::begin))
         .routes(routes!(sessions::begin, sessions::list))
         .routes(routes!(sessions::get, naming::session, deletion::session))

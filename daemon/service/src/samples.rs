@@ -13,9 +13,10 @@ use nacre_capture::Failure;
 use nacre_capture::engine::Input;
 use nacre_capture::plan::{Limits, Plan};
 use nacre_capture::rig::{Rig, SimulatedBench, Stop, Uses, runtime};
+use nacre_drivers::Pattern;
 use nacre_image::{Palette, Rgb, encode_png8};
 use nacre_sim::surface::{Sample, SampleConfig, SampleKind, Surface};
-use nacre_sim::{BenchConfig, CameraConfig};
+use nacre_sim::{Bench, BenchConfig, CameraConfig, Shining};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -34,6 +35,13 @@ const EXPOSURE: Duration = Duration::from_millis(40);
 
 /// Usual and largest side of a picture in pixels.
 const PICTURE: [usize; 2] = [192, 512];
+
+/// Side of the photographs in pixels, and their analyser angles in degrees.
+const PHOTOGRAPH: u32 = 128;
+const PHOTOGRAPHED_DEG: [f64; 4] = [0.0, 45.0, 90.0, 135.0];
+
+/// Exponent of a display's tone curve.
+const DISPLAY_GAMMA: f64 = 2.2;
 
 /// Surface points per pixel and direction, for smooth edges.
 const POINTS: usize = 3;
@@ -108,6 +116,19 @@ pub async fn picture(At(kind): At<String>, Params(query): Params<devices::Width>
     let side = super::picture_width(query.width, PICTURE[0])?.min(PICTURE[1]);
     let body = blocking(move || png(encode_png8(side, side, 3, &drawn(kind, side)))).await?;
     Ok(body.into_response())
+}
+
+/// Photographs of a simulated sample at analyser angles of 0°, 45°, 90° and 135°, in a row.
+#[utoipa::path(get, path = "/api/v1/samples/{kind}/photographs.png", tag = "samples", operation_id = "sample_photographs",
+    params(("kind" = String, Path, description = "A `kind` of the list")),
+    responses((status = 200, content_type = "image/png", body = [u8]), (status = 404, body = Problem)))]
+pub async fn photographs(At(kind): At<String>) -> Answer<Response> {
+    let kind = named(&kind)?;
+    let body = blocking(move || {
+        let [width, height] = [PHOTOGRAPHED_DEG.len(), 1].map(|n| n * PHOTOGRAPH as usize);
+        png(encode_png8(width, height, 1, &photographed(kind)?))
+    });
+    Ok(body.await?.into_response())
 }
 
 /// Starts a session with results of a simulated sample. It runs beside the bench and moves no device.
@@ -233,6 +254,39 @@ fn drawn(kind: SampleKind, side: usize) -> Vec<u8> {
     (0..side * side).flat_map(|k| pixel(k % side, k / side)).collect()
 }
 
+/// Grey levels of the photographs in a row.
+fn photographed(kind: SampleKind) -> Answer<Vec<u8>> {
+    let camera = CameraConfig { width: PHOTOGRAPH, height: PHOTOGRAPH, ..CameraConfig::default() };
+    let config = BenchConfig { camera, ..bench(kind) };
+    let mut bench = Bench::new(&config, &Silent).map_err(Failure::from)?;
+    let pattern = Pattern::Disc { center_mm: [0.0; 2], diameter_mm: config.disc_mm() };
+    bench.shine(Shining { pattern, flash: false, covered: false }, Duration::ZERO);
+    let codes: Vec<Vec<u16>> = PHOTOGRAPHED_DEG.map(|angle| photograph(&mut bench, angle)).into();
+    let [dark, light] = [codes.iter().flatten().min(), codes.iter().flatten().max()].map(|c| c.copied().unwrap_or(0));
+    let grey = |code: u16| {
+        let level = f64::from(code - dark) / f64::from((light - dark).max(1));
+        (255.0 * level.powf(1.0 / DISPLAY_GAMMA)) as u8
+    };
+    let row = |y: usize| codes.iter().flat_map(move |frame| frame.chunks(PHOTOGRAPH as usize).nth(y));
+    Ok((0..PHOTOGRAPH as usize).flat_map(row).flatten().map(|code| grey(*code)).collect())
+}
+
+/// Sensor codes of a photograph that begins once the analyser has arrived.
+fn photograph(bench: &mut Bench, angle_deg: f64) -> Vec<u16> {
+    let arrived = bench.turn_analyser(angle_deg);
+    bench.advance_to(arrived);
+    // The exposure in progress began earlier.
+    while bench.take_frame().is_some() {}
+    for _ in 0..2 {
+        bench.advance_to(bench.next_frame_at());
+    }
+    let mut newest = vec![];
+    while let Some(frame) = bench.take_frame() {
+        newest = bench.codes(&frame);
+    }
+    newest
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -248,6 +302,9 @@ mod tests {
             assert!(picture.chunks(3).any(|rgb| rgb != &picture[..3]), "{kind:?} is uniform");
             assert!(!pictures.contains(&picture), "{kind:?}");
             pictures.push(picture);
+            let frames = photographed(kind).unwrap();
+            assert_eq!(frames.len(), 4 * 128 * 128);
+            assert!(frames.contains(&0) && frames.contains(&255), "{kind:?}");
         }
         assert_eq!(kind_of(&BenchConfig::default()), None);
     }

@@ -14,6 +14,8 @@ pub enum Activity {
         /// Target angle in degrees.
         analyser_deg: f64,
     },
+    /// The light changes.
+    Lighting,
     /// The camera exposes.
     Exposing {
         /// Exposure time in seconds.

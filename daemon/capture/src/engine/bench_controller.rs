@@ -250,6 +250,7 @@ impl<'a> BenchController<'a> {
     /// # Errors
     /// Those of the panel; `Retry` if it acknowledges another pattern.
     pub async fn show(&mut self, pattern: Pattern) -> DeviceResult<()> {
+        self.tell(Activity::Lighting);
         let shown = timed(&mut self.stopwatch, self.devices.display.show(pattern)).await?;
         self.check_shown(shown, pattern)
     }
