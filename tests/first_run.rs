@@ -1,11 +1,10 @@
-//! The page as a new user meets it, in headless Chromium: a lit bench, two ways to begin, a sample with its result, a
-//! region drawn on the live picture, and plans to begin with.
+//! The page as a new user meets it, in headless Chromium: two ways to begin, a lit bench, regions and presets.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
+use nacre_tests::Place;
 use nacre_tests::chromium::Browser;
 use nacre_tests::http::Service;
-use nacre_tests::Place;
 use serde_json::json;
 
 /// Arrow keys in the browser's protocol.
@@ -66,7 +65,10 @@ fn a_new_user_tries_a_sample() {
     browser.until("document.querySelectorAll('.phases [data-is=done]').length === 3");
     browser.both("first-run-session");
     let session = service.get(&format!("/api/v1/sessions/{id}")).expect(200).json();
-    assert_eq!((&session["state"], &session["eta_s"], &session["activity"]), (&json!("finished"), &json!(null), &json!(null)));
+    assert_eq!(
+        (&session["state"], &session["eta_s"], &session["activity"]),
+        (&json!("finished"), &json!(null), &json!(null))
+    );
     browser.click("#open-result");
     browser.until("document.querySelector('#result-map')");
     // The devices of the bench were left alone.
@@ -107,7 +109,7 @@ fn a_region_is_drawn_on_the_live_picture() {
     browser.until("document.querySelector('#plan-roi')?.value === '0, 32, 117, 84'");
     browser.until("!document.querySelector('#start').disabled");
 
-    // A preset keeps the region, states its time, and is what the plan then holds.
+    // A preset keeps the region, states its time, and determines the plan.
     browser.until("[...document.querySelectorAll('.preset .time')].every((t) => /^(about \\d+|\\d+ s to \\d+)/.test(t.textContent))");
     browser.click("[data-preset=quick]");
     browser.until("document.querySelector('[data-preset=quick]').getAttribute('aria-pressed') === 'true'");
@@ -129,7 +131,9 @@ fn light_stays_off_after_stop() {
     let url = format!("http://{}", service.address);
     let black = || service.get("/api/v1/devices").expect(200).json()["display"]["pattern"] == "black";
     browser.open(&format!("{url}/#/bench"));
-    browser.until("document.querySelector('#light')?.textContent === 'Light off' && !document.querySelector('#light').disabled");
+    browser.until(
+        "document.querySelector('#light')?.textContent === 'Light off' && !document.querySelector('#light').disabled",
+    );
     assert!(!black());
     let metered = service.get("/api/v1/devices/camera/preview").expect(200).json();
     let level = metered["mean"].as_f64().unwrap();
@@ -146,9 +150,11 @@ fn light_stays_off_after_stop() {
     browser.until("document.querySelector('#preview')?.naturalWidth > 0");
     assert!(black());
     browser.click("#light");
-    browser.until("document.querySelector('#light').textContent === 'Light off' && !document.querySelector('#light').disabled");
+    browser.until(
+        "document.querySelector('#light').textContent === 'Light off' && !document.querySelector('#light').disabled",
+    );
     // Without stretch, the picture has the camera's black and white.
-    let [stretched, raw] =
-        ["true", "false"].map(|on| service.get(&format!("/api/v1/devices/camera/preview.png?stretch={on}")).expect(200));
+    let [stretched, raw] = ["true", "false"]
+        .map(|on| service.get(&format!("/api/v1/devices/camera/preview.png?stretch={on}")).expect(200));
     assert!(stretched.body != raw.body);
 }

@@ -58,6 +58,7 @@ export function course(plan) {
       else item.removeAttribute("aria-current");
     });
     const what = phase === "results" ? words(session.stage) : doing(session.activity);
+    now.hidden = session.stage === null;
     say(now, session.stage === null || session.state === "paused" ? "" : phase ? `Now: ${what || "preparing"}` : "Waiting for the bench");
     const remaining = session.eta_s === null || session.stage === null ? null : Math.max(0, session.eta_s - (performance.now() - told) / 1000);
     say(eta, remaining === null ? duration(session.timing?.wall_s) : left(remaining));

@@ -45,9 +45,10 @@ function angles(/** @type {number[]} */ all) {
 
 const formOf = (preset, values = {}) => ({ ...structuredClone(BLANK), ...Object.fromEntries(KEPT.map((key) => [key, values[key] ?? ""])), ...preset.form });
 
-/** "6 s" or "4 s to 20 s" for a series that can end early. */
+/** "about 6 s", or "4 s to 20 s" for a series that can end early. */
 function timeText({ seconds, least_seconds, results_seconds }) {
-  const [least, most] = [least_seconds, seconds].map((s) => duration(Math.max(1, Math.round(s + (results_seconds ?? 0)))).replace(".0", ""));
+  const rounded = (/** @type {number} */ s) => (s < 99.5 ? `${Math.max(1, Math.round(s))} s` : s < 3570 ? `${Math.round(s / 60)} min` : duration(s));
+  const [least, most] = [least_seconds, seconds].map((s) => rounded(s + (results_seconds ?? 0)));
   return least === most ? `about ${most}` : `${least} to ${most}`;
 }
 

@@ -1,15 +1,12 @@
-//! `/api/v1/devices` and `/api/v1/stop`: manual control and the preview.
+//! `/api/v1/devices` and `/api/v1/stop`: manual control.
 
-use super::bench::{Owner, PANEL, Picture};
+use super::bench::{Owner, PANEL};
 use super::problem::{Answer, Problem};
-use super::{App, Body, Params, png};
+use super::{App, Body};
 use axum::Json;
 use axum::extract::State;
-use axum::http::header;
-use axum::response::{IntoResponse, Response};
 use nacre_capture::Failure;
 use nacre_drivers::Pattern;
-use nacre_image::encode_png8;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,12 +14,6 @@ use utoipa::{IntoParams, ToSchema};
 
 /// Longest time of a preview frame in seconds, exposure included.
 const LONGEST_PREVIEW_S: f64 = 2.0;
-
-/// Smallest range of levels that the preview stretches, so that the noise of a dark frame stays dark.
-const LEAST_CONTRAST: f32 = 0.05;
-
-/// Number of pixels that determine the stretch of the preview.
-const SAMPLED: usize = 50_000;
 
 /// State of the bench.
 #[derive(Clone, Debug, Serialize, ToSchema)]
@@ -137,19 +128,6 @@ pub struct CameraSettings {
     gain: f64,
 }
 
-/// Picture of the newest frame.
-#[derive(Clone, Debug, Deserialize, IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct PreviewPicture {
-    /// Most pixels per row.
-    #[param(minimum = 1, maximum = 16384)]
-    width: Option<usize>,
-    /// Whether to show the levels of `stretch` as black and white.
-    #[serde(default)]
-    stretch: bool,
-}
-
 /// Pattern to show.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -180,23 +158,6 @@ pub struct Width {
     /// Most pixels per row.
     #[param(minimum = 1, maximum = 16384)]
     pub width: Option<usize>,
-}
-
-/// Statistics of the newest frame.
-#[derive(Clone, Debug, Serialize, ToSchema)]
-pub struct Preview {
-    sequence: u64,
-    width: usize,
-    height: usize,
-    /// Number of pixels in each of 256 equal steps from black to white.
-    histogram: Vec<u32>,
-    /// Fraction of saturated pixels.
-    saturated: f64,
-    /// Mean between black (0) and white (1).
-    mean: f64,
-    /// Levels that 0.5 % of the pixels are below and above, between black (0) and white (1).
-    stretch: [f64; 2],
-    analyser_deg: Option<f64>,
 }
 
 /// The bench has been stopped.
@@ -393,69 +354,4 @@ pub async fn stop(State(app): State<Arc<App>>) -> Answer<Json<Stopped>> {
     app.samples.abort();
     app.bench.stop().await?;
     Ok(Json(Stopped { stopped: true }))
-}
-
-/// The newest frame as a grey picture with a display's gamma.
-#[utoipa::path(get, path = "/api/v1/devices/camera/preview.png", tag = "devices", operation_id = "preview_picture",
-    params(PreviewPicture),
-    responses((status = 200, content_type = "image/png", body = [u8]), (status = 400, body = Problem),
-        (status = 409, body = Problem)))]
-pub async fn preview_picture(State(app): State<Arc<App>>, Params(query): Params<PreviewPicture>) -> Answer<Response> {
-    let picture = app.bench.work(Owner::preview).await?;
-    let tag = format!("\"{}\"", picture.sequence);
-    let width = super::picture_width(query.width, 1024)?;
-    let body = super::blocking(move || png(grey(&picture, width, query.stretch))).await?;
-    Ok(([(header::ETAG, tag)], body).into_response())
-}
-
-/// Histogram, saturation and mean of the newest frame.
-#[utoipa::path(get, path = "/api/v1/devices/camera/preview", tag = "devices", operation_id = "preview",
-    responses((status = 200, body = Preview), (status = 409, body = Problem)))]
-pub async fn preview(State(app): State<Arc<App>>) -> Answer<Json<Preview>> {
-    let (picture, analyser_deg) = app.bench.work(|owner| Ok((owner.preview()?, owner.analyser_deg))).await?;
-    let mut histogram = vec![0_u32; 256];
-    let (mut sum, mut saturated) = (0.0, 0_u32);
-    for code in &picture.codes {
-        let level = picture.level(*code);
-        histogram[((255.0 * level) as usize).min(255)] += 1;
-        sum += f64::from(level);
-        saturated += u32::from(*code >= picture.range[1]);
-    }
-    let pixels = picture.codes.len().max(1) as f64;
-    Ok(Json(Preview {
-        sequence: picture.sequence,
-        width: picture.width,
-        height: picture.height,
-        histogram,
-        saturated: f64::from(saturated) / pixels,
-        mean: sum / pixels,
-        stretch: picture.percentiles().map(f64::from),
-        analyser_deg,
-    }))
-}
-
-impl Picture {
-    /// Level of a code between black (0) and white (1).
-    fn level(&self, code: u16) -> f32 {
-        let [black, white] = self.range.map(f32::from);
-        ((f32::from(code) - black) / (white - black)).clamp(0.0, 1.0)
-    }
-
-    /// Levels that 0.5 % of the pixels are below and above, at least [`LEAST_CONTRAST`] apart.
-    fn percentiles(&self) -> [f32; 2] {
-        let step = self.codes.len().div_ceil(SAMPLED).max(1);
-        let mut codes: Vec<u16> = self.codes.iter().copied().step_by(step).collect();
-        codes.sort_unstable();
-        let outside = codes.len() / 200;
-        let at = |k: usize| codes.get(k).map_or(0.0, |code| self.level(*code));
-        let [low, high] = [at(outside), at(codes.len().saturating_sub(outside + 1))];
-        if high - low >= LEAST_CONTRAST { [low, high] } else { [low.min(1.0 - LEAST_CONTRAST), (low + LEAST_CONTRAST).min(1.0)] }
-    }
-}
-
-/// PNG of at most `width` pixels per row.
-fn grey(picture: &Picture, width: usize, stretch: bool) -> std::io::Result<Vec<u8>> {
-    let [low, high] = if stretch { picture.percentiles() } else { [0.0, 1.0] };
-    let level = |i: usize| ((picture.level(picture.codes[i]) - low) / (high - low)).clamp(0.0, 1.0);
-    super::maps::grey(picture.width, picture.height, width, &level, &encode_png8)
 }

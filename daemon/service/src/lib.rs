@@ -27,6 +27,7 @@ mod operations;
 mod pace;
 mod paths;
 mod plans;
+mod preview;
 pub mod problem;
 mod reconstruction_request;
 mod reconstructions;

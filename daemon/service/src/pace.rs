@@ -96,8 +96,8 @@ impl Pace {
         self.last = None;
     }
 
-    /// Remaining time in seconds until the results, or the last frame of a plan without results. `done` is the number of
-    /// stored frames.
+    /// Remaining time in seconds until the results, or the last frame of a plan without results.
+    /// `done` is the number of stored frames.
     pub fn remaining_s(&self, done: u64, now: Instant) -> f64 {
         let Expected { metering_s, frames_s, results_s } = self.expected;
         let since = |then: Instant| now.saturating_duration_since(then).as_secs_f64();

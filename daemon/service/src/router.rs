@@ -4,7 +4,8 @@ use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
     App, access, charts, connections, deletion, devices, display, map_list, map_regions, measure, naming, operations,
-    plans, reconstructions, renders, results, samples, session_data, sessions, stored_uploads, tiles, trash, uploads, view,
+    plans, preview, reconstructions, renders, results, samples, session_data, sessions, stored_uploads, tiles, trash,
+    uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
@@ -69,8 +70,8 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(devices::switch_flash))
         .routes(routes!(measure::begin))
         .routes(routes!(measure::state))
-        .routes(routes!(devices::preview))
-        .routes(routes!(devices::preview_picture))
+        .routes(routes!(preview::preview))
+        .routes(routes!(preview::preview_picture))
         .routes(routes!(devices::stop))
         .routes(routes!(plans::schema))
         .routes(routes!(plans::check))

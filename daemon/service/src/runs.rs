@@ -107,7 +107,7 @@ impl Run {
         (!halted && inner.stage != OVER).then(|| inner.pace.remaining_s(inner.done, Instant::now()))
     }
 
-    /// What the devices do now.
+    /// Present activity of the devices.
     pub fn activity(&self) -> Option<Activity> {
         self.inner().activity
     }

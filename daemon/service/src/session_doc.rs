@@ -47,10 +47,10 @@ pub struct SessionDoc {
     ended: Option<Ending>,
     /// Current stage; null once the devices are released.
     stage: Option<String>,
-    /// Remaining time in seconds until the results, or the last frame of a plan without results: the estimate, corrected
-    /// by the measured pace. Null while paused.
+    /// Remaining time in seconds until the results, or the last frame of a plan without results. It is the estimate,
+    /// corrected by the measured pace. Null while paused.
     eta_s: Option<f64>,
-    /// What the devices do now: `{activity}` is `homing`, `lighting`, `turning` (to `analyser_deg`), `exposing` (for
+    /// Present activity of the devices: `{activity}` is `homing`, `lighting`, `turning` (to `analyser_deg`), `exposing` (for
     /// `exposure_s`) or `saving`.
     #[schema(value_type = Option<Object>)]
     activity: Option<Activity>,

@@ -1,9 +1,9 @@
 //! `/api/v1/sessions`: list, start and control of sessions.
 
 use super::keys::Keyed;
+use super::pace::Expected;
 use super::plans::PlanBody;
 use super::problem::{Answer, Kind, Problem};
-use super::pace::Expected;
 use super::runs::{Run, history, now};
 use super::session_doc::SessionDoc;
 use super::{App, At, Params, blocking, events, plans, samples, work};
@@ -279,9 +279,9 @@ fn steer(app: &Arc<App>, id: &str, input: Input) -> Answer<Response> {
 
 /// Streams the events of a session as server-sent events.
 ///
-/// Events are `state`, `stage`, `activity` (only the newest is repeated), `frame`, `map`, `sigma` (of a series that stops at a σ), `note` and `results`. `time`
-/// is the time of the event in Unix seconds. `frame` and `note` come from the journal with its times, also after the
-/// end of the session.
+/// Events are `state`, `stage`, `activity`, `frame`, `map`, `sigma` (of a series that stops at a σ), `note` and
+/// `results`. `time` is the time of the event in Unix seconds. `frame` and `note` come from the journal with its times,
+/// also after the end of the session. Of `activity`, only the newest is kept.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/events", tag = "sessions", operation_id = "session_events",
     params(("id" = String, Path), ("Last-Event-ID" = Option<String>, Header, description = "Go on after this event")),
     responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),

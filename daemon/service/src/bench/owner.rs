@@ -60,7 +60,8 @@ pub struct Picture {
     pub codes: Vec<u16>,
     /// Codes of black and white.
     pub range: [u16; 2],
-    taken: Instant,
+    /// End of its exposure.
+    pub(crate) taken: Instant,
 }
 
 impl Owner {
