@@ -4,6 +4,8 @@ import { check, h, say, svg } from "./dom.js";
 
 /** Smallest side in pixels. */
 const LEAST = 16;
+/** Radius of a corner's handle on the screen in pixels. */
+const RADIUS = 13;
 const CORNERS = [["top left", 0, 0], ["top right", 1, 0], ["bottom left", 0, 1], ["bottom right", 1, 1]];
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 /** Pixels that an arrow key moves with Shift. */
@@ -68,12 +70,15 @@ export function regionTool(/** @type {() => void} */ use) {
     say(said, "");
     if (!drawn) return;
     const [left, top, right, bottom] = drawn;
+    const shown = layer.getBoundingClientRect();
+    const scale = Math.min(shown.width / size[0], shown.height / size[1]);
+    const radius = scale > 0 ? RADIUS / scale : size[0] / 50;
     const set = (/** @type {Element} */ part, /** @type {Record<string, number | string>} */ values) => Object.entries(values).forEach(([name, value]) => part.setAttribute(name, String(value)));
     set(frame, { x: left, y: top, width: right - left, height: bottom - top, "aria-label": `Region: left ${left}, top ${top}, ${right - left} by ${bottom - top} pixels` });
     handles.forEach((handle, k) => {
       const [name, x, y] = CORNERS[k];
       const [cx, cy] = [x ? right : left, y ? bottom : top];
-      set(handle, { cx, cy, r: size[0] / 70, "aria-label": `Corner ${name}: ${cx}, ${cy}` });
+      set(handle, { cx, cy, r: radius, "aria-label": `Corner ${name}: ${cx}, ${cy}` });
     });
     say(said, `${right - left} × ${bottom - top} px, from ${left}, ${top}`);
   }

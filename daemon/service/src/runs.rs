@@ -195,7 +195,7 @@ impl Observer for Run {
 
     fn doing(&self, activity: Activity) {
         self.inner().activity = Some(activity);
-        self.events.replace("activity", &Doing { activity, eta_s: self.eta_s() });
+        self.events.tell("activity", &Doing { activity, eta_s: self.eta_s() });
     }
 
     fn wants_map(&self) -> bool {

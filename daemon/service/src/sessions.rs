@@ -281,7 +281,7 @@ fn steer(app: &Arc<App>, id: &str, input: Input) -> Answer<Response> {
 ///
 /// Events are `state`, `stage`, `activity`, `frame`, `map`, `sigma` (of a series that stops at a σ), `note` and
 /// `results`. `time` is the time of the event in Unix seconds. `frame` and `note` come from the journal with its times,
-/// also after the end of the session. Of `activity`, only the newest is kept.
+/// also after the end of the session. `activity` has no number, and only the newest is sent.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/events", tag = "sessions", operation_id = "session_events",
     params(("id" = String, Path), ("Last-Event-ID" = Option<String>, Header, description = "Go on after this event")),
     responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),
