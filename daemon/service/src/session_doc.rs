@@ -50,8 +50,8 @@ pub struct SessionDoc {
     /// Remaining time in seconds until the results, or the last frame of a plan without results. It is the estimate,
     /// corrected by the measured pace. Null while paused.
     eta_s: Option<f64>,
-    /// Present activity of the devices: `{activity}` is `homing`, `lighting`, `turning` (to `analyser_deg`), `exposing` (for
-    /// `exposure_s`) or `saving`.
+    /// Present activity of the devices: `{activity}` is `homing`, `lighting`, `turning` (to `analyser_deg`),
+    /// `exposing` (for `exposure_s`) or `saving`.
     #[schema(value_type = Option<Object>)]
     activity: Option<Activity>,
     /// Why it failed or was stopped.
