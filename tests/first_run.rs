@@ -55,8 +55,15 @@ fn a_new_user_tries_a_sample() {
     accessible(&browser, "first run");
     assert!(browser.run("return document.querySelector('#door-photographs').hash") == "#/upload");
 
+    // The headless browser shows no notifications.
+    browser.run(
+        "window.Notification = class { static permission = 'default'; constructor(title) { window.told = title; }
+            static async requestPermission() { Notification.permission = 'granted'; return 'granted'; } }",
+    );
     browser.click("[data-sample=polygons]");
     browser.until("location.hash.startsWith('#/session/')");
+    browser.click("#notify");
+    browser.until("document.querySelector('#notify').getAttribute('aria-pressed') === 'true'");
     let id = browser.run("return location.hash.split('/')[2]").as_str().unwrap().to_owned();
     // Activities are told as they happen, the remaining time with them.
     browser.until("/turning the analyser to \\d+\\.\\d°/.test(document.querySelector('#session-now').textContent)");
@@ -66,6 +73,7 @@ fn a_new_user_tries_a_sample() {
     browser.until("!document.querySelector('#open-result').hidden && document.title.startsWith('Done')");
     browser.until("document.querySelectorAll('.phases [data-is=done]').length === 3");
     browser.both("first-run-session");
+    browser.until("window.told === 'Sample: polygons: finished'");
     let session = service.get(&format!("/api/v1/sessions/{id}")).expect(200).json();
     assert_eq!(
         (&session["state"], &session["eta_s"], &session["activity"]),
