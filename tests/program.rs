@@ -18,6 +18,7 @@ mod emulated;
 mod estimates;
 mod faults;
 mod files;
+mod first_run;
 mod flash;
 mod gpu;
 mod guardian;

@@ -126,12 +126,15 @@ export function previewAids() {
     say(said, words.join(" "));
   }
 
+  const active = () => [isFocus, isClipped, isGrid, isBright].some((is) => is());
   return {
     canvas,
+    /** Whether any aid is switched on. */
+    active,
     element: h("div", { class: "stack" }, h("div", { class: "row", role: "group", "aria-label": "Aids" }, focus, clipped, grid, bright), said),
     clear,
     async look(blob, width) {
-      if (![isFocus, isClipped, isGrid, isBright].some((is) => is())) return clear();
+      if (!active()) return clear();
       const picture = await pixels(blob);
       last = { picture, scale: width / picture.width };
       draw(last);

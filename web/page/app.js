@@ -107,6 +107,7 @@ const stop = byId("stop");
 
 async function stopAll() {
   stop.textContent = "STOPPING";
+  dispatchEvent(new Event("nacre-stop"));
   try {
     await post("/stop", {}, { keepalive: true });
     tell("Stopped. All light is off.");

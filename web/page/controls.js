@@ -55,7 +55,7 @@ export function cameraPanel() {
       range = camera.exposure_range_ms;
       [exposure.min, exposure.max] = range.map(String);
       [gain.min, gain.max] = camera.gain_range.map(String);
-      follow(exposure, camera.exposure_ms);
+      follow(exposure, Number(camera.exposure_ms.toPrecision(4)));
       follow(gain, camera.gain);
       if (document.activeElement !== slider && !exposure.dataset.dirty) slider.value = String(place(camera.exposure_ms));
       say(about, `${camera.id} · ${camera.width} × ${camera.height} · ${plain(range[0])} to ${plain(range[1])} ms`);

@@ -7,6 +7,7 @@ import { bytes, count, duration } from "./format.js";
 import { onReturn, service } from "./service.js";
 import { BLANK, fromPlan, pretty, toPlan } from "./plan.js";
 import { planForm } from "./planform.js";
+import { presets } from "./presets.js";
 
 const OPERATOR = "nacre-operator";
 // Kept while the page is open, so that a look at the bench loses nothing.
@@ -28,12 +29,24 @@ export function prepare(plan) {
 }
 
 /**
+ * Takes a region of the live picture into the form: left, top, width and height in pixels, or null for the whole frame.
+ * @param {number[] | null} roi
+ */
+export function takeRegion(roi) {
+  values ??= blank();
+  values.roi = roi?.join(", ") ?? "";
+  text = null;
+}
+
+const blank = () => ({ ...structuredClone(BLANK), operator: remembered() });
+
+/**
  * Shows the form until the signal fires.
  * @param {HTMLElement} main
  * @param {Visit} visit
  */
 export async function newPage(main, { signal }) {
-  values ??= { ...structuredClone(BLANK), operator: remembered() };
+  values ??= blank();
   let asked = new AbortController();
   let sound = false;
   let starting = false;
@@ -49,10 +62,12 @@ export async function newPage(main, { signal }) {
   const start = h("button", { type: "button", id: "start", class: "primary", onclick: begin, disabled: true }, "Start");
   const file = h("input", { type: "file", id: "plan-file", accept: ".toml,.json,application/json", class: "sr", onchange: open });
   const again = h("button", { type: "button", onclick: () => { values = { ...structuredClone(BLANK), operator: values.operator }; text = null; paint(); } }, "Clear");
+  const offered = presets(() => values, (next) => { values = next; text = null; paint(); }, signal);
   const bench = h("button", { type: "button", onclick: fromBench, title: "Take over exposure and gain as set on the bench" }, "Exposure of the bench");
   main.append(
     h("div", { class: "head" }, h("h1", { class: "grow" }, "New session"), bench, again,
       h("label", { class: "button", for: "plan-file" }, "Open a plan file"), file),
+    offered.element,
     h("div", { class: "columns planning" }, left,
       h("div", { class: "stack beside" },
         panel("Estimate", start, estimate, problems),
@@ -70,7 +85,7 @@ export async function newPage(main, { signal }) {
       area.value = text.content;
       left.replaceChildren(written);
     } else {
-      form = planForm(values, changed);
+      form = planForm(values, () => { offered.mark(""); changed(); });
       left.replaceChildren(form.element);
     }
     changed();

@@ -55,7 +55,7 @@ export function planForm(values, changed) {
   const bracketFields = [text("step_ev", "Step (EV)", { hint: "2 is four times longer each", numeric: true }), text("bracket_most", "Most exposures", { numeric: true })];
   const camera = group("Camera", fields(exposureMode, exposures, bracketFields, exposure, brackets, text("gain", "Gain", { numeric: true }),
     text("average", "Average of", { numeric: true }),
-    text("roi", "Region of interest", { hint: "Left, top, width, height in pixels; empty for the whole frame", wide: true, numeric: true })));
+    text("roi", "Region of interest", { hint: "Left, top, width, height in pixels; empty for the whole frame. The bench page draws it on the live picture", wide: true, numeric: true })));
 
   const discFields = [text("diameter_mm", "Diameter (mm)", { numeric: true }), text("center_mm", "Middle x, y (mm)", { numeric: true })];
   const display = group("Panel", fields(list("pattern", "Pattern", [["disc", "Disc"], ["black", "Black"]]), discFields));

@@ -2,7 +2,7 @@
 
 import { previewAids } from "./aids.js";
 import { get, picture, show } from "./api.js";
-import { h, panel, pause, say, svg } from "./dom.js";
+import { check, h, panel, pause, say, svg } from "./dom.js";
 import { percent } from "./format.js";
 import { service } from "./service.js";
 
@@ -10,8 +10,13 @@ const PERIOD_MS = 300;
 const BINS = 256;
 const HEIGHT = 64;
 
-/** The panel; it polls until the signal fires, and rests while nobody looks. */
-export function previewPanel(signal) {
+/**
+ * The panel; it polls until the signal fires, and rests while nobody looks. `lighting` and `region` are its tools.
+ * @param {AbortSignal} signal
+ * @param {ReturnType<typeof import("./lighting.js").lightingPanel>} [lighting]
+ * @param {ReturnType<typeof import("./region.js").regionTool>} [region]
+ */
+export function previewPanel(signal, lighting, region) {
   const image = h("img", { id: "preview", alt: "Newest frame of the camera", hidden: true });
   const empty = h("p", { class: "empty" }, "Waiting for the camera…");
   const curve = svg("path", { class: "curve" });
@@ -23,9 +28,11 @@ export function previewPanel(signal) {
   const clipping = h("div", { class: "clipping" }, h("span", { class: "soft" }, "Saturated "), saturated);
   const about = h("span", { class: "soft" });
   const aids = previewAids();
-  const well = h("div", { class: "well preview" }, image, aids.canvas, empty);
+  // Values as measured are often too dark to set up by.
+  const raw = check("Raw values", { id: "raw-values", title: "Show black and white of the camera instead of stretching the contrast" });
+  const well = h("div", { class: "well preview" }, image, aids.canvas, region?.layer, lighting?.note, empty);
   poll();
-  return panel("Live picture", about, well, histogram,
+  return panel("Live picture", about, h("div", { class: "row above-picture" }, lighting?.element, raw), well, region?.element, histogram,
     h("div", { class: "row below-histogram" },
       h("span", {}, h("span", { class: "soft" }, "Mean "), mean), clipping,
       h("span", {}, h("span", { class: "soft" }, "Analyser "), angle),
@@ -59,16 +66,19 @@ export function previewPanel(signal) {
     if (facts.sequence === last) return last;
     // As many pixels as the screen shows, in steps, so that the service can keep scaled frames.
     const wanted = Math.min(facts.width, 160 * Math.ceil(((well.clientWidth || 640) * devicePixelRatio) / 160));
-    const { blob } = await picture(`/devices/camera/preview.png?width=${wanted}`, { signal });
+    const { blob } = await picture(`/devices/camera/preview.png?width=${wanted}&stretch=${!raw.box.checked}`, { signal });
     show(image, blob);
-    await aids.look(blob, facts.width);
+    // Saturation and sharpness are those of the values as measured.
+    const measured = raw.box.checked || !aids.active() ? blob : (await picture(`/devices/camera/preview.png?width=${wanted}`, { signal })).blob;
+    await aids.look(measured, facts.width);
+    region?.fit(facts.width, facts.height);
     well.style.aspectRatio = `${facts.width} / ${facts.height}`;
     empty.hidden = true;
     draw(facts);
     return facts.sequence;
   }
 
-  function draw({ histogram: counts, saturated: share, mean: level, analyser_deg, sequence, width, height }) {
+  function draw({ histogram: counts, saturated: share, mean: level, stretch, analyser_deg, sequence, width, height }) {
     // The square root shows both the bulk and the few pixels that matter at the ends.
     const top = Math.sqrt(Math.max(1, ...counts));
     const steps = counts.map((n, i) => `V${(HEIGHT * (1 - Math.sqrt(n) / top)).toFixed(1)}H${i + 1}`);
@@ -78,6 +88,7 @@ export function previewPanel(signal) {
     clipping.dataset.level = share > 0.001 ? "bad" : share > 0 ? "warn" : "good";
     say(angle, analyser_deg === null ? "–" : `${analyser_deg.toFixed(2)}°`);
     say(frame, String(sequence));
-    say(about, `${width} × ${height}`);
+    const shown = raw.box.checked ? "raw values" : `contrast stretched from ${percent(stretch[0], 0)} to ${percent(stretch[1], 0)}`;
+    say(about, `${width} × ${height} · ${shown}`);
   }
 }

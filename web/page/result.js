@@ -5,6 +5,7 @@ import { h, panel, say } from "./dom.js";
 import { complain, problemMessage, tell } from "./feedback.js";
 import { degrees, duration, fixed, percent, significant } from "./format.js";
 import { forFile, headingOf } from "./naming.js";
+import { notifyButton } from "./notify.js";
 import { operationForm } from "./operationform.js";
 import { showPictures } from "./pictures.js";
 import { pixelChart } from "./pixelchart.js";
@@ -70,8 +71,9 @@ async function showProgress(main, job, signal) {
       complain(problem);
     }
   } }, "Log");
+  const notify = notifyButton(`/reconstructions/${job.id}`, `#/result/${job.id}`);
   const seen = job.method === "render" ? soFar(job, signal) : null;
-  const how = panel("Progress", h("div", { class: "row" }, cancel, retry, readLog), h("div", { class: "stack" }, state, progress, error, log));
+  const how = panel("Progress", h("div", { class: "row" }, notify, cancel, retry, readLog), h("div", { class: "stack" }, state, progress, error, log));
   main.append(h("div", { class: "head" }, headingOf(job)),
     seen ? h("div", { class: "columns result" }, seen.element, how) : how);
   const paint = (/** @type {Job} */ now) => {
@@ -81,6 +83,8 @@ async function showProgress(main, job, signal) {
     progress.value = now.progress;
     seen?.update(now);
     cancel.disabled = !open;
+    notify.hidden ||= !open;
+    if (now.state === "running") document.title = `${percent(now.progress, 0)} · ${job.name} · Nacre`;
     retry.disabled = open || now.state === "done";
     error.replaceChildren(...(now.error ? [h("p", { class: "message", role: "alert" }, now.error)] : []));
     // The page starts over with the maps.

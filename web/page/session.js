@@ -4,10 +4,12 @@ import { get, listen, makeDownload, picture, post, show } from "./api.js";
 import { facts, figures, h, panel, say, segments, settle } from "./dom.js";
 import { complain } from "./feedback.js";
 import { bytes, degrees, duration, fileName, happened, moment, percent, words } from "./format.js";
+import { course } from "./course.js";
 import { dial } from "./dial.js";
 import { bar, wheel } from "./legend.js";
 import { heading } from "./naming.js";
 import { prepare } from "./new.js";
+import { notifyButton } from "./notify.js";
 import { pretty } from "./plan.js";
 import { remedies } from "./remedy.js";
 import { onReturn } from "./service.js";
@@ -25,6 +27,8 @@ const STATES = {
   failed: { tone: "bad", can: ["resume"], means: "ended early" },
 };
 const LOG_LINES = 500;
+/** A hidden page has no stream of events, but its title goes on. */
+const HIDDEN_MS = 5000;
 
 /** Why a series that goes on until σ is as wanted has ended. */
 const ENDINGS = {
@@ -65,7 +69,8 @@ export async function sessionPage(main, { id, signal }) {
   const progress = h("progress", { id: "progress", max: 1, value: 0, "aria-label": "Frames taken" });
   const taken = h("span", {}, "");
   const sigma = h("p", { id: "session-sigma", class: "soft", role: "status", hidden: true });
-  const eta = h("span", {}, "");
+  const phases = course(session.plan);
+  const notify = notifyButton(base, `#/session/${id}`);
   const time = h("span", {}, "");
   const size = h("span", {}, "");
   const buttons = Object.fromEntries([["pause", "Pause"], ["resume", "Resume"], ["stop", "Stop"]].map(([verb, label]) =>
@@ -97,8 +102,8 @@ export async function sessionPage(main, { id, signal }) {
     h("div", { class: "head" }, heading(session.name, base), resultLink, repeat),
     h("div", { class: "columns session" },
       h("div", { class: "stack" },
-        panel("Progress", h("div", { class: "row" }, Object.values(buttons)), h("div", { class: "stack" },
-          h("p", { class: "row" }, lamp, means), remedy.element, progress, sigma, figures([["frames", taken], [time, eta], ["on disk", size]]))),
+        panel("Progress", h("div", { class: "row" }, notify, Object.values(buttons)), h("div", { class: "stack" },
+          h("p", { class: "row" }, lamp, means), phases.element, remedy.element, progress, sigma, figures([["frames", taken], [time, phases.eta], ["on disk", size]]))),
         panel(pictured ? "Picture" : "Map", pictured ? null : choice, h("div", { class: "well mapwell live" }, map, mapEmpty), h("div", { class: "row under" }, legend, mapAbout))),
       h("div", { class: "stack" },
         h("div", { class: "columns pair" },
@@ -138,6 +143,7 @@ export async function sessionPage(main, { id, signal }) {
     if (!next) return;
     const results = next.has_results && !session.has_results;
     session = { ...session, ...next };
+    phases.update(session);
     paint();
     if (results) refreshMap();
   }
@@ -146,16 +152,17 @@ export async function sessionPage(main, { id, signal }) {
     const { tone, can, means: meaning } = STATES[session.state] ?? { tone: "quiet", can: [], means: "" };
     say(state, session.state);
     lamp.dataset.tone = tone;
-    say(means, session.stage && session.state === "running" ? words(session.stage) : meaning);
+    const going = session.stage !== null;
+    say(means, session.state === "finished" && going ? "all frames are there; the results follow" : meaning);
+    document.title = `${phases.title()} · ${session.name} · Nacre`;
+    notify.hidden ||= !going;
     for (const [verb, button] of Object.entries(buttons)) button.disabled = !can.includes(verb);
     remedy.update(session);
     progress.value = session.frames_planned ? session.frames_committed / session.frames_planned : 0;
     say(taken, `${session.frames_committed} of ${session.frames_planned}`);
     sigma.hidden = !session.sigma;
     if (session.sigma) say(sigma, knownText(session.sigma, session.ended));
-    const { wall_s } = session.timing ?? {};
-    say(eta, session.eta_s !== null && session.eta_s !== undefined ? duration(session.eta_s) : duration(wall_s));
-    say(time, wall_s ? "taken" : "to go");
+    say(time, going ? (session.plan?.reconstruct ? "to go, with results" : "to go") : "taken");
     say(size, bytes(session.bytes));
     resultLink.hidden = !session.has_results;
     angles.marks(planned, frames.flatMap((f) => f.analyser_deg ?? []));
@@ -238,12 +245,25 @@ export async function sessionPage(main, { id, signal }) {
       Object.assign(told, { state: next.state, stage: next.stage });
       take(next);
     },
+    stage({ stage, eta_s, time }) {
+      if (stage !== told.stage) note(`Stage: ${words(stage)}`, time);
+      told.stage = stage;
+      // Stages of results do not end the last activity of the devices.
+      session = { ...session, stage, eta_s, activity: null };
+      phases.update(session);
+      paint();
+    },
+    activity(/** @type {Activity} */ now) {
+      session = { ...session, activity: now, eta_s: now.eta_s ?? null };
+      phases.update(session);
+    },
     frame(frame) {
       note([fileName(frame.file), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg), duration(frame.exposure_s),
         frame.dropped > 0 && `${frame.dropped} stale dropped`].filter(Boolean).join(" · "), frame.time);
       if (frames.some((f) => f.file === frame.file)) return;
       frames = [...frames, frame];
       session.frames_committed = Math.max(session.frames_committed, frames.length);
+      phases.update(session, false);
       paint();
       refreshFrame();
       framesLater();
@@ -274,6 +294,12 @@ export async function sessionPage(main, { id, signal }) {
     }
   }
   onReturn(reload, signal);
+  const ticking = setInterval(phases.paint, 1000);
+  const hidden = setInterval(async () => {
+    if (document.hidden && session.stage !== null) take(await get(base, { signal }).catch(() => null));
+  }, HIDDEN_MS);
+  signal.addEventListener("abort", () => [ticking, hidden].forEach(clearInterval));
+  phases.update(session);
   paint();
   refreshMap();
   refreshFrame();

@@ -41,6 +41,20 @@ interface Fault {
     class: "retry" | "lost" | "stop" | "setup";
 }
 
+/** A simulated sample. */
+interface Sample {
+    kind: string;
+    about: string;
+}
+
+/** What the devices do now. */
+interface Activity {
+    activity: "homing" | "lighting" | "turning" | "exposing" | "saving";
+    analyser_deg?: number;
+    exposure_s?: number;
+    eta_s?: number | null;
+}
+
 interface Session {
     id: string;
     name: string;
@@ -55,6 +69,7 @@ interface Session {
     frames_committed: number;
     stage: string | null;
     eta_s: number | null;
+    activity: Activity | null;
     error: string | null;
     fault: Fault | null;
     has_results: boolean;

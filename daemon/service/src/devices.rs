@@ -1,15 +1,12 @@
-//! `/api/v1/devices` and `/api/v1/stop`: manual control and the preview.
+//! `/api/v1/devices` and `/api/v1/stop`: manual control.
 
-use super::bench::{Owner, PANEL, Picture};
+use super::bench::{Owner, PANEL};
 use super::problem::{Answer, Problem};
-use super::{App, Body, Params, png};
+use super::{App, Body};
 use axum::Json;
 use axum::extract::State;
-use axum::http::header;
-use axum::response::{IntoResponse, Response};
 use nacre_capture::Failure;
 use nacre_drivers::Pattern;
-use nacre_image::encode_png8;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
@@ -161,21 +158,6 @@ pub struct Width {
     /// Most pixels per row.
     #[param(minimum = 1, maximum = 16384)]
     pub width: Option<usize>,
-}
-
-/// Statistics of the newest frame.
-#[derive(Clone, Debug, Serialize, ToSchema)]
-pub struct Preview {
-    sequence: u64,
-    width: usize,
-    height: usize,
-    /// Number of pixels in each of 256 equal steps from black to white.
-    histogram: Vec<u32>,
-    /// Fraction of saturated pixels.
-    saturated: f64,
-    /// Mean between black (0) and white (1).
-    mean: f64,
-    analyser_deg: Option<f64>,
 }
 
 /// The bench has been stopped.
@@ -342,6 +324,14 @@ pub async fn set_camera(State(app): State<Arc<App>>, Body(body): Body<CameraSett
     .await
 }
 
+/// Sets the preview's exposure by metering the present light. The analyser stays where it is.
+#[utoipa::path(post, path = "/api/v1/devices/camera/meter", tag = "devices", operation_id = "meter_camera",
+    request_body = Nothing,
+    responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 409, body = Problem)))]
+pub async fn meter_camera(State(app): State<Arc<App>>, Body(_nothing): Body<Nothing>) -> Answer<Json<Devices>> {
+    and_describe(&app, |owner| owner.meter(Duration::from_secs_f64(LONGEST_PREVIEW_S))).await
+}
+
 /// Switches the flash.
 #[utoipa::path(post, path = "/api/v1/devices/flash/switch", tag = "devices", operation_id = "switch_flash",
     request_body = SwitchBody,
@@ -361,57 +351,7 @@ pub async fn switch_flash(State(app): State<Arc<App>>, Body(body): Body<SwitchBo
 #[utoipa::path(post, path = "/api/v1/stop", tag = "devices", operation_id = "stop",
     responses((status = 200, body = Stopped), (status = 409, body = Problem)))]
 pub async fn stop(State(app): State<Arc<App>>) -> Answer<Json<Stopped>> {
+    app.samples.abort();
     app.bench.stop().await?;
     Ok(Json(Stopped { stopped: true }))
-}
-
-/// The newest frame as a grey picture with a display's gamma.
-#[utoipa::path(get, path = "/api/v1/devices/camera/preview.png", tag = "devices", operation_id = "preview_picture",
-    params(Width),
-    responses((status = 200, content_type = "image/png", body = [u8]), (status = 400, body = Problem),
-        (status = 409, body = Problem)))]
-pub async fn preview_picture(State(app): State<Arc<App>>, Params(query): Params<Width>) -> Answer<Response> {
-    let picture = app.bench.work(Owner::preview).await?;
-    let tag = format!("\"{}\"", picture.sequence);
-    let width = super::picture_width(query.width, 1024)?;
-    let body = super::blocking(move || png(grey(&picture, width))).await?;
-    Ok(([(header::ETAG, tag)], body).into_response())
-}
-
-/// Histogram, saturation and mean of the newest frame.
-#[utoipa::path(get, path = "/api/v1/devices/camera/preview", tag = "devices", operation_id = "preview",
-    responses((status = 200, body = Preview), (status = 409, body = Problem)))]
-pub async fn preview(State(app): State<Arc<App>>) -> Answer<Json<Preview>> {
-    let (picture, analyser_deg) = app.bench.work(|owner| Ok((owner.preview()?, owner.analyser_deg))).await?;
-    let mut histogram = vec![0_u32; 256];
-    let (mut sum, mut saturated) = (0.0, 0_u32);
-    for code in &picture.codes {
-        let level = picture.level(*code);
-        histogram[((255.0 * level) as usize).min(255)] += 1;
-        sum += f64::from(level);
-        saturated += u32::from(*code >= picture.range[1]);
-    }
-    let pixels = picture.codes.len().max(1) as f64;
-    Ok(Json(Preview {
-        sequence: picture.sequence,
-        width: picture.width,
-        height: picture.height,
-        histogram,
-        saturated: f64::from(saturated) / pixels,
-        mean: sum / pixels,
-        analyser_deg,
-    }))
-}
-
-impl Picture {
-    /// Level of a code between black (0) and white (1).
-    fn level(&self, code: u16) -> f32 {
-        let [black, white] = self.range.map(f32::from);
-        ((f32::from(code) - black) / (white - black)).clamp(0.0, 1.0)
-    }
-}
-
-/// PNG of at most `width` pixels per row.
-fn grey(picture: &Picture, width: usize) -> std::io::Result<Vec<u8>> {
-    super::maps::grey(picture.width, picture.height, width, &|i| picture.level(picture.codes[i]), &encode_png8)
 }

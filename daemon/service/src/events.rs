@@ -23,6 +23,8 @@ const ALIVE: Duration = Duration::from_secs(10);
 pub struct EventLog {
     entries: Mutex<VecDeque<Entry>>,
     newest: watch::Sender<u64>,
+    /// Name and data of the newest event without number.
+    present: watch::Sender<Option<(&'static str, Arc<str>)>>,
     closed: watch::Sender<bool>,
 }
 
@@ -44,7 +46,12 @@ struct Timed<'a, T> {
 
 impl Default for EventLog {
     fn default() -> Self {
-        Self { entries: Mutex::default(), newest: watch::Sender::new(0), closed: watch::Sender::new(false) }
+        Self {
+            entries: Mutex::default(),
+            newest: watch::Sender::new(0),
+            present: watch::Sender::new(None),
+            closed: watch::Sender::new(false),
+        }
     }
 }
 
@@ -60,6 +67,12 @@ impl EventLog {
         }
         drop(entries);
         self.newest.send_replace(id);
+    }
+
+    /// Sends an event without number, of which subscribers need only the newest.
+    pub fn tell(&self, name: &'static str, data: &impl Serialize) {
+        let data: Arc<str> = serde_json::to_string(data).unwrap_or_default().into();
+        self.present.send_replace(Some((name, data)));
     }
 
     /// Adds an event of a session with its `time` in Unix seconds, if known.
@@ -129,15 +142,30 @@ pub fn stream(
     };
     let last = headers.get("last-event-id").and_then(|v| v.to_str().ok()).and_then(|v| v.parse().ok()).unwrap_or(0);
     let stop = app.stopping.subscribe();
-    let stream = futures::stream::unfold((last, log, place), move |(last, log, place)| {
+    let mut present = log.present.subscribe();
+    present.mark_changed();
+    let stream = futures::stream::unfold((last, log, place, present), move |(last, log, place, mut present)| {
         let mut stop = stop.clone();
         async move {
-            let entry = tokio::select! {
-                entry = log.next(last) => entry?,
-                _ = stop.wait_for(|stopping| *stopping) => return None,
-            };
-            let event = Event::default().id(entry.id.to_string()).event(entry.name).data(&*entry.data);
-            Some((Ok(event), (entry.id, log, place)))
+            loop {
+                // The sender lives as long as the log.
+                tokio::select! {
+                    biased;
+                    entry = log.next(last) => {
+                        let entry = entry?;
+                        let event = Event::default().id(entry.id.to_string()).event(entry.name).data(&*entry.data);
+                        return Some((Ok(event), (entry.id, log, place, present)));
+                    }
+                    _ = present.changed() => {
+                        let told = present.borrow_and_update().clone();
+                        if let Some((name, data)) = told {
+                            let event = Event::default().event(name).data(&*data);
+                            return Some((Ok(event), (last, log, place, present)));
+                        }
+                    }
+                    _ = stop.wait_for(|stopping| *stopping) => return None,
+                }
+            }
         }
     });
     Ok(Sse::new(stream).keep_alive(KeepAlive::new().interval(ALIVE)))

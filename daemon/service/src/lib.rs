@@ -24,8 +24,10 @@ mod methods;
 mod metrics;
 mod naming;
 mod operations;
+mod pace;
 mod paths;
 mod plans;
+mod preview;
 pub mod problem;
 mod reconstruction_request;
 mod reconstructions;
@@ -33,6 +35,7 @@ mod renders;
 mod results;
 mod router;
 mod runs;
+mod samples;
 mod scenes;
 mod session_data;
 mod session_doc;
@@ -103,6 +106,8 @@ pub struct App {
     pub renders: Arc<renders::Renders>,
     /// Runs of sessions.
     pub runs: Runs,
+    /// Session of a simulated sample, beside the bench.
+    pub samples: samples::Samples,
     /// The pattern page.
     pub link: Arc<Link>,
     /// Whether the whole bench is simulated.
@@ -186,6 +191,7 @@ impl App {
             stores,
             renders,
             runs: Runs::default(),
+            samples: samples::Samples::default(),
             link,
             simulated,
             subscribers: Arc::new(Semaphore::new(config.limits.subscribers)),
@@ -289,7 +295,11 @@ pub async fn serve(
         supervised::stopping();
         closing.stopping.send_replace(true);
         // The light goes off first. A session in progress is aborted and can be resumed.
-        let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
+        let _ = tokio::task::spawn_blocking(move || {
+            closing.bench.close();
+            closing.samples.close();
+        })
+        .await;
     };
     connections::serve(listener, router::router(&app), most, patience, graceful).await;
     // It may still open databases that are closed below.

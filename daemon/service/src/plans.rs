@@ -12,6 +12,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use utoipa::ToSchema;
 
+/// Longest wait for the preview's exposure, for instance while the stage moves.
+const PATIENCE: Duration = Duration::from_secs(1);
+
 /// A plan, as JSON or as the text of a plan.toml.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -110,6 +113,19 @@ pub async fn check(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> A
     }))
 }
 
+/// Exposure time of a plan before metering: as stated, or the preview's.
+pub async fn assumed_exposure(app: &App, plan: &Plan) -> Duration {
+    match plan.camera.exposure_ms {
+        Some(ms) => Duration::from_secs_f64(ms / 1000.0),
+        // The preview's exposure cannot be read while the bench is busy; a typical value is used.
+        None if plan.is_metered() => {
+            let asked = tokio::time::timeout(PATIENCE, app.bench.work(|owner| Ok(owner.settings.0))).await;
+            asked.ok().and_then(Result::ok).unwrap_or(Duration::from_millis(40))
+        }
+        None => Duration::from_millis(10),
+    }
+}
+
 /// Estimates the time and disk space of a session.
 #[utoipa::path(post, path = "/api/v1/plans/estimate", tag = "plans", operation_id = "estimate_plan",
     request_body = PlanBody,
@@ -117,12 +133,7 @@ pub async fn check(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> A
 pub async fn estimate(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> Answer<Json<Estimated>> {
     let plan = body.plan()?;
     let metered = plan.is_metered();
-    let assumed = match plan.camera.exposure_ms {
-        Some(ms) => Duration::from_secs_f64(ms / 1000.0),
-        // The preview's exposure cannot be read while a session runs; a typical value is used.
-        None if metered => app.bench.work(|owner| Ok(owner.settings.0)).await.unwrap_or(Duration::from_millis(40)),
-        None => Duration::from_millis(10),
-    };
+    let assumed = assumed_exposure(&app, &plan).await;
     let estimate = plan.estimate(assumed, &app.limits, 0.0);
     let metering_seconds = plan.metering_s(assumed, &app.limits);
     let results = match plan.results_work(&app.limits) {

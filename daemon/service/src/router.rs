@@ -4,7 +4,8 @@ use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
     App, access, charts, connections, deletion, devices, display, map_list, map_regions, measure, naming, operations,
-    plans, reconstructions, renders, results, session_data, sessions, stored_uploads, tiles, trash, uploads, view,
+    plans, preview, reconstructions, renders, results, samples, session_data, sessions, stored_uploads, tiles, trash,
+    uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
@@ -65,15 +66,20 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(devices::home_stage))
         .routes(routes!(devices::show))
         .routes(routes!(devices::set_camera))
+        .routes(routes!(devices::meter_camera))
         .routes(routes!(devices::switch_flash))
         .routes(routes!(measure::begin))
         .routes(routes!(measure::state))
-        .routes(routes!(devices::preview))
-        .routes(routes!(devices::preview_picture))
+        .routes(routes!(preview::preview))
+        .routes(routes!(preview::preview_picture))
         .routes(routes!(devices::stop))
         .routes(routes!(plans::schema))
         .routes(routes!(plans::check))
         .routes(routes!(plans::estimate))
+        .routes(routes!(samples::list))
+        .routes(routes!(samples::picture))
+        .routes(routes!(samples::photographs))
+        .routes(routes!(samples::begin))
         .routes(routes!(sessions::begin, sessions::list))
         .routes(routes!(sessions::get, naming::session, deletion::session))
         .routes(routes!(sessions::pause))

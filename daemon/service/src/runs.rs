@@ -1,15 +1,17 @@
 //! Runs of sessions in the service, and their events: live during the run, from the journal afterwards.
 
 use super::events::EventLog;
+use super::pace::{Expected, Pace};
 use super::paths::without_folders;
 use super::problem::Problem;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
-use nacre_capture::engine::{Control, Observer, State};
+use nacre_capture::engine::{Activity, Control, Observer, State};
 use nacre_capture::plan::{Added, Plan, Step};
 use nacre_capture::session::{Commit, Entry, Journal, SessionFile, SoFar};
 use nacre_drivers::DeviceError;
 use nacre_polarimetry::{Preview, Running};
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -21,6 +23,14 @@ const MAP_WIDTH: usize = 512;
 
 /// Stage of a run that has released the devices.
 const OVER: &str = "over";
+
+/// Data of an `activity` event.
+#[derive(Serialize)]
+struct Doing {
+    #[serde(flatten)]
+    activity: Activity,
+    eta_s: Option<f64>,
+}
 
 /// One run of a session.
 pub struct Run {
@@ -43,7 +53,8 @@ struct Inner {
     stage: String,
     steps: u64,
     done: u64,
-    begun: Instant,
+    pace: Pace,
+    activity: Option<Activity>,
     error: Option<String>,
     fault: Option<DeviceError>,
     map: Option<Arc<Preview>>,
@@ -52,12 +63,13 @@ struct Inner {
 
 impl Run {
     /// A run that has not begun.
-    pub fn new(id: String, folder: PathBuf, plan: Plan) -> Self {
+    pub fn new(id: String, folder: PathBuf, plan: Plan, expected: Expected) -> Self {
         let inner = Inner {
             stage: "waiting".into(),
             steps: 0,
             done: 0,
-            begun: Instant::now(),
+            pace: Pace::new(expected, Instant::now()),
+            activity: None,
             error: None,
             fault: None,
             map: None,
@@ -88,12 +100,16 @@ impl Run {
         (inner.stage == "capturing").then_some(inner.done)
     }
 
-    /// Remaining time of the stage in seconds, at its mean pace so far.
+    /// Remaining time in seconds, results included, while the session is not paused.
     pub fn eta_s(&self) -> Option<f64> {
         let inner = self.inner();
-        let going = matches!(self.control.state(), State::Running | State::Stopping) && inner.done > 0;
-        let left = inner.steps.saturating_sub(inner.done) as f64;
-        going.then(|| inner.begun.elapsed().as_secs_f64() * left / inner.done as f64)
+        let halted = matches!(self.control.state(), State::Paused | State::Failed);
+        (!halted && inner.stage != OVER).then(|| inner.pace.remaining_s(inner.done, Instant::now()))
+    }
+
+    /// Present activity of the devices.
+    pub fn activity(&self) -> Option<Activity> {
+        self.inner().activity
     }
 
     /// Error message of a failed run.
@@ -143,9 +159,10 @@ impl Run {
 impl Progress for Run {
     fn stage(&self, name: &str, steps: u64) {
         let mut inner = self.inner();
-        (inner.stage, inner.steps, inner.done, inner.begun) = (name.to_owned(), steps, 0, Instant::now());
+        (inner.stage, inner.steps, inner.done) = (name.to_owned(), steps, 0);
+        inner.pace.stage(name, steps, Instant::now());
         drop(inner);
-        self.events.push_at("stage", now(), &json!({ "stage": name, "steps": steps }));
+        self.events.push_at("stage", now(), &json!({ "stage": name, "steps": steps, "eta_s": self.eta_s() }));
     }
 
     fn step(&self) {
@@ -160,14 +177,25 @@ impl Progress for Run {
 
 impl Observer for Run {
     fn stored(&self, step: &Step, evidence: &Commit, time: Option<f64>) {
-        let index = self.inner().done;
+        let mut inner = self.inner();
+        let index = inner.done;
+        inner.pace.frame(Instant::now());
+        drop(inner);
         self.events.push_at("frame", time, &frame(step, evidence, index));
     }
 
     fn noted(&self, entry: &Entry, time: Option<f64>) {
+        if matches!(entry, Entry::Paused) {
+            self.inner().pace.pause();
+        }
         if let Some(text) = note(entry) {
             self.events.push_at("note", time, &json!({ "text": text }));
         }
+    }
+
+    fn doing(&self, activity: Activity) {
+        self.inner().activity = Some(activity);
+        self.events.tell("activity", &Doing { activity, eta_s: self.eta_s() });
     }
 
     fn wants_map(&self) -> bool {

@@ -4,7 +4,7 @@ use super::App;
 use super::paths::without_folders;
 use super::problem::{Answer, Problem};
 use super::runs::Run;
-use nacre_capture::engine::State as RunState;
+use nacre_capture::engine::{Activity, State as RunState};
 use nacre_capture::naming;
 use nacre_capture::plan::Plan;
 use nacre_capture::session::{Ending, Journal, SESSION_FILE, SessionFile, SoFar, Timing, unreadable_journal};
@@ -47,8 +47,13 @@ pub struct SessionDoc {
     ended: Option<Ending>,
     /// Current stage; null once the devices are released.
     stage: Option<String>,
-    /// Remaining time of the stage in seconds.
+    /// Remaining time in seconds until the results, or the last frame of a plan without results. It is the estimate,
+    /// corrected by the measured pace. Null while paused.
     eta_s: Option<f64>,
+    /// Present activity of the devices: `{activity}` is `homing`, `lighting`, `turning` (to `analyser_deg`),
+    /// `exposing` (for `exposure_s`) or `saving`.
+    #[schema(value_type = Option<Object>)]
+    activity: Option<Activity>,
     /// Why it failed or was stopped.
     error: Option<String>,
     /// Device error that made the session fail: `{device, command, expected, got, remedy, class}`, where `class` is
@@ -94,6 +99,7 @@ impl SessionDoc {
             ended: journal.ended().map(|end| end.why),
             stage: None,
             eta_s: None,
+            activity: None,
             error: journal.why_stopped().map(|why| without_folders(&why)),
             fault: journal.fault().cloned(),
             has_results: folder.join("results/report.json").exists(),
@@ -113,6 +119,7 @@ impl SessionDoc {
         // Clients take results as a sign that the devices are free.
         self.has_results &= run.is_over();
         self.stage = Some(run.stage().0).filter(|_| !run.is_over());
+        self.activity = run.activity().filter(|_| !run.is_over());
         (self.eta_s, self.error) = (run.eta_s(), run.error().or(self.error.take()));
         self.fault = run.fault().or(self.fault.take());
         self.sigma = self.sigma.or(run.sigma_so_far());
@@ -138,6 +145,7 @@ impl SessionDoc {
             ended: None,
             stage: None,
             eta_s: None,
+            activity: None,
             error: None,
             fault: None,
             has_results: false,

@@ -1,18 +1,20 @@
 //! `/api/v1/sessions`: list, start and control of sessions.
 
 use super::keys::Keyed;
+use super::pace::Expected;
 use super::plans::PlanBody;
 use super::problem::{Answer, Kind, Problem};
 use super::runs::{Run, history, now};
 use super::session_doc::SessionDoc;
-use super::{App, At, Params, blocking, events, work};
+use super::{App, At, Params, blocking, events, plans, samples, work};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_capture::Failure;
 use nacre_capture::engine::Input;
-use nacre_capture::plan::PlanKind;
+use nacre_capture::plan::{Plan, PlanKind};
+use nacre_capture::rig::Rig;
 use nacre_capture::run::{Capture, complete};
 use nacre_capture::session::{MortalDisk, SessionFile};
 use nacre_store::catalogue::{Cursor, Query, SessionRow};
@@ -20,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
+use tokio::runtime::Runtime;
 use utoipa::{IntoParams, ToSchema};
 
 /// Longest search text in characters.
@@ -66,6 +69,7 @@ pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<PlanB
     if !problems.is_empty() {
         return Err(Problem::bad(problems.join("; ")).remedy("change the plan"));
     }
+    let expected = expected(&app, &plan).await;
     let mut turn = app.keys.turn(key).await;
     // If the session was deleted since, a new one is started.
     if let Some(id) = turn.made().filter(|id| SessionDoc::read(&app, id, false).is_ok()) {
@@ -76,12 +80,24 @@ pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<PlanB
         return Err(Problem::full());
     }
     let id = turn.begin();
-    let run = Arc::new(Run::new(id.clone(), app.session_folder(&id)?, plan));
+    let run = Arc::new(Run::new(id.clone(), app.session_folder(&id)?, plan, expected));
     start(&app, &run, true)?;
     accepted(&app, &id)
 }
 
-fn accepted(app: &App, id: &str) -> Answer<Response> {
+/// Predicted times of a plan on the bench.
+async fn expected(app: &Arc<App>, plan: &Plan) -> Expected {
+    let exposure = plans::assumed_exposure(app, plan).await;
+    let (app, plan) = (app.clone(), plan.clone());
+    // Without a prediction, the remaining time counts from the measured pace.
+    blocking(move || Ok(Expected::of(&plan, exposure, &app.limits))).await.unwrap_or_default()
+}
+
+/// Answer to the start of a session.
+///
+/// # Errors
+/// The session's files cannot be read.
+pub fn accepted(app: &App, id: &str) -> Answer<Response> {
     let doc = SessionDoc::read(app, id, true)?;
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, format!("/api/v1/sessions/{id}"))], Json(doc)).into_response())
 }
@@ -93,28 +109,7 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
     let before = app.runs.insert(run.clone());
     let begun = app.bench.begin(&run.id, run.control.clone(), move |owner| {
         let (app, run) = worker;
-        let mut capture = Capture {
-            runtime: &owner.runtime,
-            rig: &mut owner.rig,
-            control: run.control.clone(),
-            observer: &*run,
-            elsewhere: Some(&work::session),
-        };
-        let taken = if new {
-            capture.begin(run.plan.clone(), &run.folder, MortalDisk::default())
-        } else {
-            capture.resume(&run.folder, MortalDisk::default())
-        };
-        match taken {
-            Ok(taken) if taken.results.is_some() => run.events.push_at("results", now(), &json!({})),
-            Ok(_) | Err(Failure::Processing(nacre_base::Error::Cancelled)) => {}
-            Err(failure) => {
-                // A failure before the engine started also ends the run for subscribers.
-                let _ = run.control.send(Input::Start);
-                let _ = run.control.send(Input::Fault);
-                run.fail(failure);
-            }
-        }
+        capture(&run, &owner.runtime, &mut owner.rig, new);
         move || {
             run.end();
             app.metrics.session_ended(run.control.state());
@@ -131,8 +126,31 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
     Ok(())
 }
 
+/// Takes the frames of a run with these devices, all or the missing ones, and computes the results.
+pub fn capture(run: &Run, runtime: &Runtime, rig: &mut Rig, new: bool) {
+    let control = run.control.clone();
+    let mut capture = Capture { runtime, rig, control, observer: run, elsewhere: Some(&work::session) };
+    let taken = if new {
+        capture.begin(run.plan.clone(), &run.folder, MortalDisk::default())
+    } else {
+        capture.resume(&run.folder, MortalDisk::default())
+    };
+    match taken {
+        Ok(taken) if taken.results.is_some() => run.events.push_at("results", now(), &json!({})),
+        Ok(_) | Err(Failure::Processing(nacre_base::Error::Cancelled)) => {}
+        Err(failure) => failed(run, failure),
+    }
+}
+
+/// Ends a run for subscribers, also if it failed before the engine started.
+pub fn failed(run: &Run, failure: Failure) {
+    let _ = run.control.send(Input::Start);
+    let _ = run.control.send(Input::Fault);
+    run.fail(failure);
+}
+
 /// Publishes every change of a run's state until the run is over.
-async fn tell_states(app: &Arc<App>, run: &Arc<Run>) {
+pub async fn tell_states(app: &Arc<App>, run: &Arc<Run>) {
     let mut states = run.control.subscribe();
     let mut last = None;
     loop {
@@ -217,8 +235,13 @@ pub async fn resume(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<R
     .await?;
     let file = file.map_err(|_| Problem::not_found(format!("session {id}")))?;
     if !complete {
-        let run = Run::new(id.clone(), folder, file.plan).resumed(log);
-        start(&app, &Arc::new(run), false)?;
+        let sample = file.bench.as_ref().and_then(samples::kind_of).filter(|_| file.section.is_none());
+        let expected = expected(&app, &file.plan).await;
+        let run = Arc::new(Run::new(id.clone(), folder, file.plan, expected).resumed(log));
+        match sample {
+            Some(kind) => samples::start(&app, &run, kind, false)?,
+            None => start(&app, &run, false)?,
+        }
     }
     accepted(&app, &id)
 }
@@ -256,9 +279,9 @@ fn steer(app: &Arc<App>, id: &str, input: Input) -> Answer<Response> {
 
 /// Streams the events of a session as server-sent events.
 ///
-/// Events are `state`, `stage`, `frame`, `map`, `sigma` (of a series that stops at a σ), `note` and `results`. `time`
-/// is the time of the event in Unix seconds. `frame` and `note` come from the journal with its times, also after the
-/// end of the session.
+/// Events are `state`, `stage`, `activity`, `frame`, `map`, `sigma` (of a series that stops at a σ), `note` and
+/// `results`. `time` is the time of the event in Unix seconds. `frame` and `note` come from the journal with its times,
+/// also after the end of the session. `activity` has no number, and only the newest is sent.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/events", tag = "sessions", operation_id = "session_events",
     params(("id" = String, Path), ("Last-Event-ID" = Option<String>, Header, description = "Go on after this event")),
     responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),

@@ -1,5 +1,6 @@
 //! Device commands of the engine: one command to one device at a time, with each response checked against the request.
 
+use super::{Activity, Observer};
 use crate::plan::{Limits, approach};
 use nacre_drivers::{
     Camera, Class, Controls, DeviceError, DeviceResult, Display, Flash, Frame, Freshness, Pattern, Shown, Stage, Stamp,
@@ -41,6 +42,7 @@ pub struct BenchController<'a> {
     pub stopwatch: Stopwatch,
     /// Analyser angle in degrees, once known, of a session whose plan does not rotate the analyser.
     pub fixed_analyser_deg: Option<f64>,
+    observer: Option<&'a dyn Observer>,
 }
 
 /// State of the devices, kept between tasks.
@@ -108,7 +110,19 @@ impl<'a> BenchController<'a> {
     /// Takes control of devices in a known state.
     pub fn with(devices: &'a mut Devices, memory: Memory) -> Self {
         let limits = devices.limits();
-        Self { devices, limits, memory, stopwatch: Stopwatch::default(), fixed_analyser_deg: None }
+        Self { devices, limits, memory, stopwatch: Stopwatch::default(), fixed_analyser_deg: None, observer: None }
+    }
+
+    /// Tells an observer each activity.
+    pub fn observed(self, observer: &'a dyn Observer) -> Self {
+        Self { observer: Some(observer), ..self }
+    }
+
+    /// Tells the observer, if any, that an activity begins.
+    pub(super) fn tell(&self, activity: Activity) {
+        if let Some(observer) = self.observer {
+            observer.doing(activity);
+        }
     }
 
     /// Limits of the devices.
@@ -133,6 +147,7 @@ impl<'a> BenchController<'a> {
     /// # Errors
     /// Those of the stage.
     pub async fn home(&mut self) -> DeviceResult<()> {
+        self.tell(Activity::Homing);
         let arrived = timed(&mut self.stopwatch, self.devices.stage.home()).await?;
         self.memory.angle = 0.0;
         self.record_steady(TimeSource::Stage, arrived.since, "home")
@@ -235,6 +250,7 @@ impl<'a> BenchController<'a> {
     /// # Errors
     /// Those of the panel; `Retry` if it acknowledges another pattern.
     pub async fn show(&mut self, pattern: Pattern) -> DeviceResult<()> {
+        self.tell(Activity::Lighting);
         let shown = timed(&mut self.stopwatch, self.devices.display.show(pattern)).await?;
         self.check_shown(shown, pattern)
     }
@@ -255,6 +271,7 @@ impl<'a> BenchController<'a> {
     /// # Errors
     /// Those of the stage; `Stop` if it reports another angle.
     pub async fn turn(&mut self, to: f64) -> DeviceResult<()> {
+        self.tell(Activity::Turning { analyser_deg: to });
         for stop in approach(self.memory.angle, to, &self.limits.stage) {
             let arrived = timed(&mut self.stopwatch, self.devices.stage.move_to(stop)).await?;
             // The comparison is false for NaN.
@@ -334,6 +351,7 @@ impl<'a> BenchController<'a> {
     /// # Errors
     /// Those of the camera; `Stop` if it delivers only stale frames.
     pub async fn fresh(&mut self) -> DeviceResult<(Frame, u32)> {
+        self.tell(Activity::exposing(self.memory.controls.map_or(Duration::ZERO, |c| c.exposure)));
         let most = self.most_stale();
         for dropped in 0..most {
             let frame = self.next_frame(self.memory.freshness).await?;

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::plan::{BracketPlan, Plan, Role, State, light_on_s};
 use nacre_base::progress::Progress;
 use nacre_base::statistics::quantile;
-use nacre_drivers::{CameraInfo, DeviceError, Frame};
+use nacre_drivers::{CameraInfo, DeviceError, Frame, Pattern};
 use nacre_polarimetry::{Design, Fit};
 use std::time::Duration;
 
@@ -137,6 +137,21 @@ async fn meter(
     let camera = &controller.limits().camera;
     let shortest = shortest.ok_or_else(|| nothing(camera, Duration::ZERO))?;
     Ok(steady(shortest, &camera.steady_exposures_s))
+}
+
+/// Exposure time of a live picture under this pattern, with the analyser where it stands.
+///
+/// # Errors
+/// As [`meter`].
+pub async fn meter_preview(
+    controller: &mut BenchController<'_>,
+    gain: f64,
+    pattern: Pattern,
+    guess: Duration,
+) -> Result<Duration, Failure> {
+    let light = State { pattern, analyser_deg: None, flash: false, covered: false, exposure_ms: None };
+    let exposure = one(controller, gain, &light, Some(guess)).await?;
+    Ok(steady(exposure, &controller.limits().camera.steady_exposures_s))
 }
 
 /// Longest exposure that is synchronous with the panel's refresh and not longer than `exposure`, unless it would lose

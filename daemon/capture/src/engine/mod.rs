@@ -8,6 +8,7 @@
 //! Three activities run in parallel: bench control (`sequencer`), storage of frames (`frame_writer`), and
 //! reconstruction (`live`).
 
+mod activity;
 mod bench_controller;
 #[cfg(test)]
 mod bench_controller_tests;
@@ -21,8 +22,9 @@ mod series;
 mod state;
 mod watch;
 
+pub use activity::Activity;
 pub use bench_controller::{BenchController, Devices, Memory};
-pub use meter::Metered;
+pub use meter::{Metered, meter_preview};
 pub(crate) use meter::{TURN_DEG, lights, tried};
 pub use panel::{LEVELS, PanelFound, measure as measure_panel};
 pub use panel_advice::drawn_by;
@@ -53,6 +55,8 @@ pub trait Observer: Progress {
     fn stored(&self, _step: &Step, _evidence: &Commit, _time: Option<f64>) {}
     /// Another entry was written to the journal at this Unix time in seconds.
     fn noted(&self, _entry: &Entry, _time: Option<f64>) {}
+    /// The bench begins another activity.
+    fn doing(&self, _activity: Activity) {}
     /// True if intermediate maps are displayed.
     fn wants_map(&self) -> bool {
         false
@@ -93,7 +97,7 @@ impl Engine<'_> {
     /// Those of devices and interlocks; `Cancelled`.
     pub fn meter(&mut self, plan: &Plan) -> Result<(Metered, Timing), Failure> {
         let begun = Instant::now();
-        let mut controller = BenchController::new(self.devices);
+        let mut controller = BenchController::new(self.devices).observed(self.observer);
         let _ = self.control.send(Input::Start);
         let (watch, control, observer) = (self.watch, self.control, self.observer);
         self.runtime.block_on(async {
@@ -151,7 +155,7 @@ impl Engine<'_> {
         let (out, queue) = mpsc::channel(QUEUE);
         let (arrivals, arrived) = std::sync::mpsc::channel();
         let (known, before_chosen) = (steps.clone(), chosen.clone());
-        let mut controller = BenchController::new(self.devices);
+        let mut controller = BenchController::new(self.devices).observed(observer);
         controller.fixed_analyser_deg = session.journal().fixed_analyser_deg().filter(|_| !plan.turns());
         let writer =
             FrameWriter { session, description, steps: known, chosen: before_chosen, camera, observer, arrivals };
@@ -195,6 +199,7 @@ async fn capture_and_finish(
 ) -> Result<Timing, Failure> {
     let begun = Instant::now();
     let result = sequencer.capture_all(steps, missing, further).await;
+    sequencer.controller.tell(Activity::Saving);
     sequencer.flush().await;
     let now = timing(&sequencer.controller, begun.elapsed() - sequencer.paused);
     let timing = Timing {

@@ -4,7 +4,7 @@ use super::{Common, Job, locked};
 use nacre_base::progress::{Progress, Silent};
 use nacre_capture::Failure;
 use nacre_capture::engine::{
-    BenchController, Control, Input, Memory, PanelFound, Watch, drawn_by, guarded, measure_panel,
+    BenchController, Control, Input, Memory, PanelFound, Watch, drawn_by, guarded, measure_panel, meter_preview,
 };
 use nacre_capture::rig::{Place, Rig, Uses, runtime};
 use nacre_drivers::display::DisplayConfig;
@@ -60,7 +60,8 @@ pub struct Picture {
     pub codes: Vec<u16>,
     /// Codes of black and white.
     pub range: [u16; 2],
-    taken: Instant,
+    /// End of its exposure.
+    pub(crate) taken: Instant,
 }
 
 impl Owner {
@@ -222,6 +223,17 @@ impl Owner {
                 Ok(())
             }
         }
+    }
+
+    /// Sets the preview's exposure by metering the present light, at most `longest`.
+    ///
+    /// # Errors
+    /// Those of devices and interlocks; no light; `Cancelled` after STOP.
+    pub fn meter(&mut self, longest: Duration) -> Result<(), Failure> {
+        let (pattern, (guess, gain)) = (self.pattern, self.settings);
+        let exposure = self.manual(async |hands| meter_preview(hands, gain, pattern, guess).await)?;
+        self.settings.0 = exposure.min(longest);
+        Ok(())
     }
 
     /// Whether the flash is on.
