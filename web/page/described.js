@@ -11,7 +11,8 @@ export async function describedBy(files) {
   const found = { photographs: /** @type {File[]} */ ([]), frames: /** @type {any} */ (null), geometry: /** @type {any} */ (null), problems: /** @type {string[]} */ ([]) };
   for (const file of files) {
     const name = /** @type {"frames" | "geometry" | null} */ ({ "frames.json": "frames", "geometry.json": "geometry" }[file.name] ?? null);
-    if (!name) {
+    // What lies in folders within the chosen one describes something else.
+    if (!name || (file.webkitRelativePath ?? "").split("/").length > 2) {
       found.photographs.push(file);
       continue;
     }

@@ -57,14 +57,13 @@ export async function showGratings(main, job, signal) {
       h("a", { class: "button", href: `#/render/${job.id}` }, "Render"),
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },
-      viewer.element,
+      h("div", { class: "stack" }, viewer.element, h("details", { id: "again" }, h("summary", {}, "Again with other options"), nextPanel(job))),
       h("div", { class: "stack" }, viewer.aside,
         panel("Report", null, (job.method === "spots" ? reportOfSpots : reportOfFlash)(report)),
         panel("Pixels", null, shares(job)),
         job.method === "flash" ? panel("Directions of the flash", null, directions(report)) : null,
         report.worst?.length ? panel("Largest residuals", null, residuals(report, (x, y) => viewer.mark(x, y, null))) : null,
-        panel("Files", null, h("p", { class: "row downloads" }, data)),
-        nextPanel(job))));
+        panel("Files", null, h("p", { class: "row downloads" }, data)))));
 }
 
 /** Shares of the pixels by class, as a bar with its legend. */
@@ -94,7 +93,7 @@ function residuals({ worst, residual }, mark) {
 function directions({ lights_mm: lights, highlights = [] }) {
   const reach = Math.max(1, ...lights.map(([x, y]) => Math.hypot(x, y))) * 1.2;
   const at = (mm) => 100 + (90 * mm) / reach;
-  const degrees = ([x, y, z]) => [fixed((Math.atan2(y, x) * 180) / Math.PI, 0), fixed((Math.atan2(Math.hypot(x, y), z) * 180) / Math.PI, 0)];
+  const degrees = ([x, y, z]) => [Math.hypot(x, y) < 1e-6 ? "any" : `${fixed((Math.atan2(y, x) * 180) / Math.PI, 0)}°`, `${fixed((Math.atan2(Math.hypot(x, y), z) * 180) / Math.PI, 0)}°`];
   return h("div", { class: "stack", id: "flash-directions" },
     svg("svg", { viewBox: "0 0 200 200", class: "flashes", role: "img", "aria-label": `${lights.length} positions of the flash, seen from above the sheet` },
       svg("rect", { x: 85, y: 88, width: 30, height: 24, class: "sheet" }),
@@ -102,7 +101,7 @@ function directions({ lights_mm: lights, highlights = [] }) {
     h("div", { class: "scroll" }, h("table", {},
       h("thead", {}, h("tr", {}, ["Flash", "x, y, z (mm)", "Azimuth", "From the normal", "Highlight"].map((t) => h("th", { scope: "col" }, t)))),
       h("tbody", {}, lights.map((light, k) => h("tr", {}, h("td", {}, String(k + 1)), h("td", {}, light.map((v) => fixed(v, 0)).join(", ")),
-        degrees(light).map((d) => h("td", {}, `${d}°`)), h("td", {}, highlights[k] ? "in view" : "not in view")))))));
+        degrees(light).map((d) => h("td", {}, d)), h("td", {}, highlights[k] ? "in view" : "not in view")))))));
 }
 
 const assumed = (report) => h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a))));

@@ -135,7 +135,7 @@ export function planForm(values, changed) {
     for (const f of bracketFields) f.hidden = exposing !== "bracket";
     exposure.hidden = exposing !== "fixed";
     brackets.hidden = exposing !== "several" || kind !== "polarization";
-    display.hidden = kind === "spots";
+    display.hidden = kind === "spots" || kind === "flash";
     for (const f of discFields) f.hidden = values.pattern !== "disc";
     spots.hidden = kind !== "spots";
     for (const f of fringeFields) f.hidden = values.lights === "discs";
@@ -151,7 +151,8 @@ export function planForm(values, changed) {
     mark(problems) {
       for (const [key, holder] of Object.entries(holders)) {
         holder.lastElementChild.textContent = problems[key] ?? "";
-        holder.querySelector("input, textarea")?.setAttribute("aria-invalid", String(key in problems));
+        // Of an operation's options, one at most is needed: the size of a sheet of tiles.
+        holder.querySelector(key === "operation" ? "#flash-size-mm" : "input, textarea")?.setAttribute("aria-invalid", String(key in problems));
       }
       steps.mark(problems);
     },
