@@ -115,7 +115,8 @@ fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
     browser.open(&format!("{url}/#/result/{id}"));
     browser.until("document.querySelector('#hdr-view').width === 128 && !document.querySelector('#exposure').disabled");
     // Two stops more make the picture brighter.
-    let brightness = "const c = document.querySelector('#hdr-view'); return c.getContext('2d').getImageData(64, 64, 1, 1).data[0]";
+    let brightness =
+        "const c = document.querySelector('#hdr-view'); return c.getContext('2d').getImageData(64, 64, 1, 1).data[0]";
     let before = browser.run(brightness).as_u64().unwrap();
     browser.enter(&[("exposure", "-2")]);
     let after = browser.run(brightness).as_u64().unwrap();
@@ -199,7 +200,12 @@ fn a_person_uploads_photographs_of_diffraction() {
     browser.choose("method", "lut");
     browser.attach("#photographs", &orders);
     browser.until("document.querySelector('#upload-start').disabled && document.body.innerText.includes('Wavelength: that of the filter')");
-    browser.enter(&[("lut-wavelength-nm", "680"), ("lut-illuminant", "D65"), ("lut-scale", "0.002"), ("lut-size", "256")]);
+    browser.enter(&[
+        ("lut-wavelength-nm", "680"),
+        ("lut-illuminant", "D65"),
+        ("lut-scale", "0.002"),
+        ("lut-size", "256"),
+    ]);
     browser.both("upload-lut");
     browser.click("#upload-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth === 256");

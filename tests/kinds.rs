@@ -36,7 +36,7 @@ fn periods_of_a_simulated_sample_are_measured_from_the_form() {
     browser.until("document.querySelector('#pixel-shares svg')");
     let resolved = browser.run("return parseFloat(document.querySelector('.figures strong').textContent)");
     assert!(resolved.as_f64().unwrap() > 40.0, "{resolved}");
-    browser.until("document.querySelectorAll('#worst-residuals button').length === 10");
+    browser.until("document.querySelectorAll('#worst-residuals button').length >= 5");
     browser.click("#worst-residuals button");
     // The histogram of the periods stands beside their map.
     browser.until("document.querySelector('svg.contrast .bars').getAttribute('d').length > 100");
@@ -86,7 +86,12 @@ fn a_folder_of_flash_photographs_describes_itself() {
     browser.until("document.querySelector('#method').value === 'flash'");
     browser.until("document.querySelector('#described').textContent.startsWith('frames.json and geometry.json')");
     browser.until("document.querySelector('#upload-start').disabled");
-    browser.enter(&[("flash-tiles", "6"), ("flash-tiles-1", "5"), ("flash-size-mm", "178.2"), ("flash-size-mm-1", "131.25")]);
+    browser.enter(&[
+        ("flash-tiles", "6"),
+        ("flash-tiles-1", "5"),
+        ("flash-size-mm", "178.2"),
+        ("flash-size-mm-1", "131.25"),
+    ]);
     browser.enter(&[("upload-name", "paper of polygons")]);
     browser.click("#upload-start");
     browser.until("document.querySelector('h1')?.textContent === 'Flash orientation of paper of polygons'");

@@ -26,7 +26,11 @@ export async function describedBy(files) {
 }
 
 /** The operation that a set of photographs is for; empty where it does not say. */
-export const operationOf = (/** @type {any} */ frames) => OPERATIONS[frames?.kind] ?? "";
+export function operationOf(/** @type {any} */ frames) {
+  // One flash at one place shows exposures of one view.
+  const placed = (frames?.frames ?? []).some((frame) => frame.light_mm);
+  return frames?.kind === "flash" && !placed ? "hdr" : OPERATIONS[frames?.kind] ?? "";
+}
 
 /**
  * A description whose files are named without folders, as an upload stores them.

@@ -17,6 +17,8 @@ const MEANING = {
   sigma: "Standard deviation of the orientation.",
   period_sigma: "Standard deviation of the period, including the error common to all periods.",
 };
+/** Most residuals that are listed. */
+const LISTED = 5;
 /** Classes of pixels, with the colour of their part of the bar. */
 const CLASSES = {
   spots: [["resolved", "resolved", "#1b7f79"], ["no_order", "no order in reach", "#8aa0a8"], ["ambiguous", "two gratings explain it", "#e0a100"], ["unexplained", "no single grating", "#c8553d"], ["dark", "dark", "#4b5358"], ["unusable", "saturated", "#b03a8c"]],
@@ -85,8 +87,8 @@ function shares(/** @type {Job} */ { method, report }) {
 /** Pixels with the largest residuals; each button marks its pixel on the map. */
 function residuals({ worst, residual }, mark) {
   return h("div", { class: "stack", id: "worst-residuals" },
-    h("p", { class: "soft" }, `Reduced χ² of resolved pixels; the median is ${fixed(residual, 2)}, 1 is noise alone.`),
-    h("ol", { class: "share-list" }, worst.map((p) => h("li", {}, h("button", { type: "button", class: "quiet grow", onclick: () => mark(p.x, p.y) }, `x ${p.x}, y ${p.y}`), fixed(p.residual, 2)))));
+    h("p", { class: "soft" }, `Reduced χ² of resolved pixels: the median is ${fixed(residual, 2)}, noise alone gives 1. Pixels above 2 are masked, as no single grating explains them.`),
+    h("ol", { class: "share-list" }, worst.slice(0, LISTED).map((p) => h("li", {}, h("button", { type: "button", class: "quiet grow", onclick: () => mark(p.x, p.y) }, `x ${p.x}, y ${p.y}`), fixed(p.residual, 2)))));
 }
 
 /** Where the flash stood over the sheet, seen from above. */

@@ -38,8 +38,8 @@ pub struct Checked {
     least_frames: usize,
     /// Limits of the bench that it exceeds.
     problems: Vec<String>,
-    /// For fringes: shortest period in µm whose first order reaches the panel from the middle of the sample, for grating
-    /// vectors at 0, 15, … 165 degrees; null where none does.
+    /// For fringes: shortest period in µm whose first order reaches the panel from the middle of the sample, for
+    /// grating vectors at 0, 15, … 165 degrees; null where none does.
     shortest_um: Option<Vec<Option<f64>>>,
     /// The plan as JSON, also if it was sent as TOML.
     #[schema(value_type = Object)]
