@@ -105,8 +105,6 @@ fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
     let (_place, service, url) = service(128);
     browser.open(&format!("{url}/#/new"));
     browser.click("input[name=kind][value=exposures]");
-    browser.choose("plan-angles", "none");
-    browser.choose("plan-exposing", "bracket");
     browser.until("!document.querySelector('#plan-step_ev').closest('.field').hidden");
     browser.until("/\\d/.test(document.querySelector('#estimate').textContent)");
     browser.both("new-bracket");
@@ -115,7 +113,14 @@ fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
     let id = browser.run("return location.hash.split('/')[2]").as_str().unwrap().to_owned();
     service.until(&format!("/api/v1/sessions/{id}"), |s| s["has_results"] == true);
     browser.open(&format!("{url}/#/result/{id}"));
-    browser.until("document.querySelector('#result-picture').naturalWidth === 128");
+    browser.until("document.querySelector('#hdr-view').width === 128 && !document.querySelector('#exposure').disabled");
+    // Two stops more make the picture brighter.
+    let brightness =
+        "const c = document.querySelector('#hdr-view'); return c.getContext('2d').getImageData(64, 64, 1, 1).data[0]";
+    let before = browser.run(brightness).as_u64().unwrap();
+    browser.enter(&[("exposure", "-2")]);
+    let after = browser.run(brightness).as_u64().unwrap();
+    assert!(after < before, "{before} to {after}");
     browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'hdr.exr')");
     browser.both("result-hdr");
     // The panel has no zero order, which the page reports in the service's words.
@@ -132,7 +137,7 @@ fn a_person_plans_a_spot_scan() {
     let (_place, _service, url) = service(64);
     browser.open(&format!("{url}/#/new"));
     browser.click("input[name=kind][value=spots]");
-    browser.choose("plan-angles", "none");
+    browser.until("document.querySelector('#plan-angles').closest('fieldset').hidden");
     browser.until("document.querySelector('#plan-spots').closest('.field').hidden");
     browser.run(
         "for (const [id, v] of [['plan-fringes', '5'], ['plan-undecided_percent', '2'], ['spots-wavelength-nm', '560']]) {
@@ -153,10 +158,13 @@ fn a_person_plans_a_spot_scan() {
     browser.both("new-spots");
     // Operations available for a bracket, with their options.
     browser.click("input[name=kind][value=flash]");
-    browser.choose("plan-exposing", "bracket");
     for (method, field) in [("lut", "lut-wavelength-nm"), ("bokeh", "bokeh-psf"), ("flash", "flash-tiles")] {
         browser.choose("plan-method", method);
         browser.until(&format!("document.getElementById('{field}')"));
+        if method == "flash" {
+            browser.until("document.querySelector('.plan').innerText.includes('Size: the width and height')");
+            browser.enter(&[("flash-size-mm", "60"), ("flash-size-mm-1", "60")]);
+        }
         browser.until("!document.querySelector('#start').disabled");
         let plan = browser.run("return JSON.parse(document.querySelector('pre[aria-label]').textContent)");
         assert_eq!(plan["reconstruct"]["operation"], method, "{plan}");
@@ -191,12 +199,19 @@ fn a_person_uploads_photographs_of_diffraction() {
     browser.upload_page(&url, "hdr");
     browser.choose("method", "lut");
     browser.attach("#photographs", &orders);
-    browser.run("for (const [id, v] of [['lut-wavelength-nm', '680'], ['lut-illuminant', 'D65'], ['lut-scale', '0.002'], ['lut-size', '256']]) { document.getElementById(id).value = v; }");
+    browser.until("document.querySelector('#upload-start').disabled && document.body.innerText.includes('Wavelength: that of the filter')");
+    browser.enter(&[
+        ("lut-wavelength-nm", "680"),
+        ("lut-illuminant", "D65"),
+        ("lut-scale", "0.002"),
+        ("lut-size", "256"),
+    ]);
     browser.both("upload-lut");
     browser.click("#upload-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth === 256");
     browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'lut.exr')");
     browser.until("document.querySelector('svg path.light')?.getAttribute('d').length > 100");
+    browser.until("document.querySelectorAll('#strongest-angles tbody tr').length > 1");
     browser.both("result-lut");
     // Another illuminant, from the same photograph.
     browser.run("document.getElementById('lut-illuminant').value = 'FL2'");
@@ -245,10 +260,10 @@ fn a_person_picks_the_corners_of_a_sheet_of_tiles() {
     browser.upload_page(&url, "flash");
     browser.attach("#photographs", &files.join("\n"));
     browser.attach("#flash-frames", &format!("{photos}/frames.json"));
-    let values = "[['tiles', 6], ['tiles-1', 5], ['size-mm', 178.2], ['size-mm-1', 131.25], ['camera-mm', 500]]";
-    browser.run(&format!("for (const [id, v] of {values}) {{ document.getElementById('flash-' + id).value = v; }}"));
+    browser.enter(&[("flash-tiles", "6"), ("flash-tiles-1", "5"), ("flash-size-mm", "178.2")]);
+    browser.enter(&[("flash-size-mm-1", "131.25"), ("flash-camera-mm", "500"), ("upload-name", "polygons")]);
     // The photograph by room light is used for picking.
-    let canvas = ".picker canvas";
+    let canvas = ".picker:not([hidden]) canvas";
     browser.until(&format!("document.querySelector('{canvas}')?.width === 300"));
     browser.run(&format!("document.querySelector('{canvas}').scrollIntoView({{ block: 'center' }})"));
     let element = browser.element(canvas);
@@ -271,11 +286,22 @@ fn a_person_picks_the_corners_of_a_sheet_of_tiles() {
             &json!({ "actions": [{ "type": "pointer", "id": "mouse", "actions": actions }] }),
         );
     }
-    browser.until("document.querySelector('.picker + .row').innerText.includes('4 picked')");
+    browser.until("document.getElementById('flash-corner-3-y').value !== ''");
+    // An arrow key moves a handle by a pixel.
+    let nudged = browser.run(
+        "const [field, handle] = [document.getElementById('flash-corner-0-x'), document.querySelector('.picker:not([hidden]) .pick')];
+         const before = field.valueAsNumber;
+         for (const key of ['ArrowRight', 'ArrowRight', 'ArrowLeft', 'ArrowLeft', 'ArrowRight', 'ArrowLeft', 'ArrowRight']) handle.dispatchEvent(new KeyboardEvent('keydown', { key }));
+         const moved = field.valueAsNumber - before;
+         handle.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowLeft' }));
+         return moved",
+    );
+    assert_eq!(nudged.as_f64().unwrap().round(), 1.0);
     browser.both("upload-flash");
     browser.run("window.scrollTo(0, 0)");
     browser.click("#upload-start");
-    browser.until("document.querySelector('#result-picture')?.naturalWidth > 0");
+    browser.until("document.querySelectorAll('#flash-directions tbody tr').length === 5");
+    browser.until("document.querySelector('h1').textContent === 'Flash orientation of polygons'");
     // 1.66 µm, within the error of an uncalibrated lens and of picking whole pixels.
     browser.until("/1\\.6[56]\\d ± /.test(document.body.innerText)");
     browser.both("result-flash");

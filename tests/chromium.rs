@@ -127,6 +127,15 @@ impl Browser {
         ));
     }
 
+    /// Types into fields, given by id and value.
+    pub fn enter(&self, fields: &[(&str, &str)]) {
+        for (id, value) in fields {
+            self.run(&format!(
+                "const e = document.getElementById('{id}'); e.value = '{value}'; e.dispatchEvent(new Event('input', {{ bubbles: true }}))"
+            ));
+        }
+    }
+
     /// Opens the upload page for a kind of reconstruction.
     pub fn upload_page(&self, url: &str, method: &str) {
         self.open(&format!("{url}/#/upload"));

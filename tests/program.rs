@@ -25,6 +25,7 @@ mod guardian;
 mod hdr;
 mod inspection;
 mod kills;
+mod kinds;
 mod limits;
 mod lut;
 mod manual;

@@ -34,7 +34,7 @@ const ROUTES = {
   view: ["View", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./view.js")).viewPage(...visit)],
 };
 /** Pages with forms of operations. */
-const FORMS = ["new", "result", "upload", "render"];
+const FORMS = ["new", "result", "upload", "render", "session"];
 const byId = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 const main = byId("main");
 let leaving = new AbortController();

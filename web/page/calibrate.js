@@ -111,7 +111,7 @@ function placeStep(taken) {
   const how = select([["board", "The board of one photograph lies in its place"], ["corners", "I pick its four corners in a photograph"]], "board", { id: "place-how" });
   const chosen = h("input", { type: "file", id: "place-photograph", accept: ".png,.jpg,.jpeg", onchange: () => corners.show(chosen.files?.[0] ?? null) });
   const [width, height] = ["width", "height"].map((name) => number({ id: `place-${name}`, value: "", min: 0 }));
-  const corners = picker(CORNERS, () => step.element.dispatchEvent(new Event("judge")));
+  const corners = picker("place-corner", CORNERS, { changed: () => step.element.dispatchEvent(new Event("judge")) });
   const byBoard = field("Photograph of the board in the sample's place", which);
   const byCorners = h("div", { class: "stack" },
     h("div", { class: "fields" }, field("Photograph of the sample, camera unmoved", chosen), field("Sample, width (mm)", width), field("Sample, height (mm)", height)), corners.element);

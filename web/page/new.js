@@ -4,12 +4,17 @@ import { post } from "./api.js";
 import { figures, firstOf, h, panel, randomId, say, settle } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes, count, duration } from "./format.js";
+import { reach } from "./gratings.js";
 import { onReturn, service } from "./service.js";
 import { BLANK, fromPlan, pretty, toPlan } from "./plan.js";
 import { planForm } from "./planform.js";
 import { presets } from "./presets.js";
 
 const OPERATOR = "nacre-operator";
+/** Time for results from which a smaller region is offered, and the side of that region in pixels. */
+const [LONG_S, MIDDLE_PX] = [45, 256];
+/** Simulated samples on which a plan of each kind shows something. */
+const SAMPLES = { spots: "mosaic", flash: "polygons", exposures: "emblem" };
 // Kept while the page is open, so that a look at the bench loses nothing.
 let values = null;
 let text = null;
@@ -59,7 +64,9 @@ export async function newPage(main, { signal }) {
   const json = h("pre", { class: "scroll code", tabindex: 0, "aria-label": "The plan as JSON" });
   const estimate = h("div", { id: "estimate", role: "status", "aria-live": "polite" });
   const problems = h("div", { id: "problems", role: "status", "aria-live": "polite" });
-  const start = h("button", { type: "button", id: "start", class: "primary", onclick: begin, disabled: true }, "Start");
+  const start = h("button", { type: "button", id: "start", class: "primary", onclick: () => begin("/sessions"), disabled: true }, "Start");
+  const trial = h("button", { type: "button", id: "try-simulated", disabled: true, onclick: () => begin(`/samples/${SAMPLES[kind()] ?? "kinematic"}/sessions`),
+    title: "Carries this plan out on a simulated bench with a sample that fits; no device moves" }, "Try this plan on a simulated sample");
   const file = h("input", { type: "file", id: "plan-file", accept: ".toml,.json,application/json", class: "sr", onchange: open });
   const again = h("button", { type: "button", onclick: () => { values = { ...structuredClone(BLANK), operator: values.operator }; text = null; paint(); } }, "Clear");
   const offered = presets(() => values, (next) => { values = next; text = null; paint(); }, signal);
@@ -70,7 +77,7 @@ export async function newPage(main, { signal }) {
     offered.element,
     h("div", { class: "columns planning" }, left,
       h("div", { class: "stack beside" },
-        panel("Estimate", start, estimate, problems),
+        panel("Estimate", start, estimate, problems, h("p", {}, trial)),
         panel("Plan", null, h("details", { open: true }, h("summary", {}, "As JSON"), json)))));
 
   /** What is sent: the form's plan, or the text as it stands. */
@@ -109,7 +116,7 @@ export async function newPage(main, { signal }) {
     try {
       const [checked, cost] = await Promise.all([post("/plans/check", wanted.body, options), post("/plans/estimate", wanted.body, options)]);
       if (text && checked.plan) json.textContent = pretty(checked.plan);
-      show(cost);
+      show(cost, checked);
       refuse(checked.problems ?? [], checked.sound);
     } catch (problem) {
       if (problem.name === "AbortError") return;
@@ -142,7 +149,9 @@ export async function newPage(main, { signal }) {
     ask();
   }
 
-  function show(cost) {
+  const kind = () => request().body.plan?.kind ?? "";
+
+  function show(cost, { shortest_um }) {
     estimate.classList.remove("stale");
     /** @type {[string, string][]} */
     const facts = [
@@ -150,12 +159,24 @@ export async function newPage(main, { signal }) {
       [cost.metering_seconds ? `time, ${duration(cost.metering_seconds)} of it for metering` : "time", duration(cost.seconds)],
     ];
     if (cost.results_seconds !== null) facts.push(["then, for results, about", duration(cost.results_seconds)]);
+    const periods = reach(shortest_um);
     facts.push(["on disk, at most", bytes(cost.bytes + (cost.results_bytes ?? 0))]);
     estimate.replaceChildren(
       figures(facts),
       h("p", { class: "soft" }, cost.exposure_assumed
         ? `Assumes an exposure of ${duration(cost.exposure_s)}; metering finds the real one, which can change the time.`
-        : `Exposure ${duration(cost.exposure_s)}.`));
+        : `Exposure ${duration(cost.exposure_s)}.`),
+      periods ? h("p", { id: "reach", class: "soft" }, `Shortest period whose first order reaches the panel: ${periods}. Bring the panel nearer for shorter ones.`) : "", smaller(cost));
+  }
+
+  /** Offers a smaller region where the results of all pixels take long. */
+  function smaller({ results_seconds: seconds }) {
+    const { width, height } = service.devices?.camera ?? { width: 0, height: 0 };
+    if (text || values.kind !== "spots" || values.roi || !(seconds > LONG_S) || Math.min(width, height) <= MIDDLE_PX) return "";
+    return h("p", {}, h("button", { type: "button", id: "only-middle", onclick: () => {
+      values.roi = [(width - MIDDLE_PX) / 2, (height - MIDDLE_PX) / 2].map(Math.floor).concat(MIDDLE_PX, MIDDLE_PX).join(", ");
+      paint();
+    } }, `Only the middle, ${MIDDLE_PX} × ${MIDDLE_PX} pixels: about ${duration((seconds * MIDDLE_PX ** 2) / (width * height))}`));
   }
 
   function refuse(list, isSound = false) {
@@ -167,15 +188,17 @@ export async function newPage(main, { signal }) {
   function enable() {
     const busy = service.devices?.activity === "session";
     start.disabled = !sound || starting || busy;
+    trial.disabled = text !== null || starting || Object.keys(toPlan(values).problems).length > 0;
     start.title = busy ? "A session has the bench; wait for its end or stop it" : sound ? "" : "The plan is not complete yet";
   }
 
-  async function begin() {
+  /** Starts the session on the bench, or at the path of a simulated sample. */
+  async function begin(path) {
     starting = true;
     enable();
     say(start, "Starting…");
     try {
-      const session = await post("/sessions", request().body, { headers: { "Idempotency-Key": randomId() } });
+      const session = await post(path, request().body, { headers: { "Idempotency-Key": randomId() } });
       location.hash = `#/session/${session.id}`;
     } catch (problem) {
       complain(problem);

@@ -1,89 +1,142 @@
-// Points picked on a photograph: corners of a sheet, or opposite corners of a rectangle.
+// Points picked on a photograph: corners of a sheet, of a rectangle, or one place. Each has a handle and two fields.
 
-import { h, pen, say } from "./dom.js";
+import { h, number, pen, say, svg } from "./dom.js";
 
 const COLORS = ["#ffb000", "#fe6100", "#dc267f", "#648fff"];
+/** Steps of the arrow keys in pixels, without and with the shift key. */
+const STEPS = [1, 20];
+/** Where points are put by the keyboard: shares of width and height. */
+const PLACES = { 1: [[0.5, 0.5]], 2: [[0.4, 0.4], [0.6, 0.6]], 4: [[0.1, 0.1], [0.9, 0.1], [0.9, 0.9], [0.1, 0.9]] };
 
 /**
- * A picture on which up to `count` points are picked, by pointer or by keys (arrows move the last one, Enter sets one in the middle).
- * `points()` are in pixels of the photograph, centres at integers. `names` are what the points are.
+ * A photograph on which the points `names` are picked: by clicks, by dragging handles, by arrow keys, or in fields.
+ * Values are in pixels of the photograph, centres at integers.
+ * @param {string} id begins the ids of the fields
+ * @param {string[]} names
+ * @param {{ given?: number[][] | null, changed?: () => void }} options `given` are points that are known already
  */
-export function picker(names, changed = () => {}) {
-  const canvas = h("canvas", { tabindex: 0, role: "img", width: 1, height: 1 });
+export function picker(id, names, { given = null, changed = () => {} } = {}) {
+  /** @type {(number[] | null)[]} */
+  let points = names.map((_, k) => given?.[k] ?? null);
+  let [width, height] = [0, 0];
+  const canvas = h("canvas", { width: 1, height: 1, "aria-hidden": "true" });
+  const over = svg("svg", { class: "picks", role: "group", "aria-label": `Photograph to pick in: ${names.join(", ")}` });
+  const well = h("div", { class: "well picker", hidden: true }, h("div", { class: "sheet" }, canvas, over));
   const said = h("p", { class: "soft", role: "status", "aria-live": "polite" });
-  const again = h("button", { type: "button", class: "quiet", onclick: () => set([]) }, "Pick again");
-  const element = h("div", { class: "stack", hidden: true }, h("div", { class: "well picker" }, canvas), h("div", { class: "row" }, said, again));
-  let picture = null;
-  let points = [];
-  let held = -1;
+  const again = h("button", { type: "button", class: "quiet", onclick: () => set(names.map(() => null)) }, "Clear");
+  const place = h("button", { type: "button", class: "quiet", id: `${id}-place`, onclick: placeAll }, names.length > 1 ? "Place all" : "Place in the middle");
+  const inputs = names.map((name, k) => ["x", "y"].map((axis) =>
+    number({ id: `${id}-${k}-${axis}`, "aria-label": `${name}, ${axis} in pixels`, placeholder: axis, min: 0, oninput: typed })));
+  const rows = h("div", { class: "picked" }, names.map((name, k) => h("div", { class: "row" },
+    h("span", { class: "swatch", style: `background:${COLORS[k % COLORS.length]}` }), h("span", { class: "grow" }, `${k + 1} ${name}`), inputs[k])));
+  const element = h("div", { class: "stack" }, well, h("div", { class: "row between" }, said, h("div", { class: "row" }, place, again)), rows);
 
-  /** Shows a photograph, or none where the browser cannot draw it. */
-  async function show(file) {
-    picture = file && (await createImageBitmap(file).catch(() => null));
-    element.hidden = !picture;
-    if (!picture) return;
-    canvas.width = picture.width;
-    canvas.height = picture.height;
-    set([]);
+  /** Shows a photograph, or none where the browser cannot draw it; `wide` is its width if the file was made smaller. */
+  async function show(file, wide = 0) {
+    const picture = file && (await createImageBitmap(file).catch(() => null));
+    well.hidden = !picture;
+    if (picture) {
+      [canvas.width, canvas.height] = [picture.width, picture.height];
+      const scale = wide ? wide / picture.width : 1;
+      [width, height] = [picture.width * scale, picture.height * scale];
+      pen(canvas).drawImage(picture, 0, 0);
+    }
+    over.setAttribute("viewBox", `-0.5 -0.5 ${width} ${height}`);
+    paint();
   }
 
   function set(next) {
     points = next;
     paint();
+    tell();
+  }
+
+  /** Forms around it listen as to their fields. */
+  function tell() {
+    changed();
+    element.dispatchEvent(new Event("change", { bubbles: true }));
+  }
+
+  /** Puts a point, within the photograph. */
+  function put(/** @type {number} */ k, /** @type {number[]} */ [x, y]) {
+    const inside = (v, size) => Math.round(10 * Math.min(Math.max(v, 0), Math.max(0, size - 1))) / 10;
+    set(points.map((p, at) => (at === k ? [inside(x, width), inside(y, height)] : p)));
+  }
+
+  function placeAll() {
+    set(points.map((p, k) => p ?? [width, height].map((size, axis) => Math.round((size - 1) * (PLACES[names.length] ?? [])[k]?.[axis] || 0))));
+    handles[0].focus();
+  }
+
+  function typed() {
+    points = inputs.map((pair, k) => (pair.every((input) => Number.isFinite(input.valueAsNumber)) ? pair.map((input) => input.valueAsNumber) : pair.some((input) => input.value !== "") ? points[k] : null));
+    paint();
     changed();
   }
 
-  function paint() {
-    if (!picture) return;
-    const context = pen(canvas);
-    const size = Math.max(picture.width, picture.height) / 60;
-    context.drawImage(picture, 0, 0);
-    context.lineWidth = Math.max(1, size / 6);
-    points.forEach(([x, y], k) => {
-      context.strokeStyle = context.fillStyle = COLORS[k % COLORS.length];
-      context.beginPath();
-      context.arc(x + 0.5, y + 0.5, size / 2, 0, 2 * Math.PI);
-      context.moveTo(x + 0.5 - size, y + 0.5);
-      context.lineTo(x + 0.5 + size, y + 0.5);
-      context.moveTo(x + 0.5, y + 0.5 - size);
-      context.lineTo(x + 0.5, y + 0.5 + size);
-      context.stroke();
-      context.font = `${1.6 * size}px sans-serif`;
-      context.fillText(String(k + 1), x + size, y - size / 2);
+  /** @returns {number[]} */
+  const at = (/** @type {PointerEvent} */ event) => {
+    const box = over.getBoundingClientRect();
+    return [((event.clientX - box.left) / box.width) * width - 0.5, ((event.clientY - box.top) / box.height) * height - 0.5];
+  };
+
+  const handles = names.map((name, k) => {
+    const handle = svg("g", { class: "pick", tabindex: 0, role: "slider", "aria-label": name },
+      svg("circle", { class: "grip", r: 16 }), svg("circle", { r: 7 }), svg("path", { d: "M-13 0H13M0 -13V13" }), svg("text", { x: 11, y: -9 }, String(k + 1)));
+    handle.style.color = COLORS[k % COLORS.length];
+    handle.addEventListener("pointerdown", (event) => {
+      event.stopPropagation();
+      handle.setPointerCapture(event.pointerId);
     });
-    const next = names[points.length];
-    say(said, next ? `Now: ${next} (or none of them)` : `${points.length} picked; drag to correct`);
-    canvas.setAttribute("aria-label", `Photograph, ${points.length} of ${names.length} points picked. ${next ? `Next: ${next}` : ""}`);
-    again.hidden = points.length === 0;
-  }
+    handle.addEventListener("pointermove", (event) => handle.hasPointerCapture(event.pointerId) && put(k, at(event)));
+    handle.addEventListener("keydown", (event) => {
+      const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+      const from = points[k];
+      if (event.key === "Delete") set(points.map((p, other) => (other === k ? null : p)));
+      else if (by && from) put(k, from.map((v, axis) => v + by[axis] * STEPS[event.shiftKey ? 1 : 0]));
+      else return;
+      event.preventDefault();
+    });
+    return handle;
+  });
+  const outline = svg("path", { class: "outline" });
+  over.append(outline, ...handles);
+  over.addEventListener("pointerdown", (event) => {
+    const next = points.indexOf(null);
+    if (next < 0) return;
+    put(next, at(event));
+    // The new handle follows the pointer until it is released.
+    handles[next].setPointerCapture(event.pointerId);
+  });
+  new ResizeObserver(paint).observe(over);
 
-  /** Place of the pointer in the photograph. */
-  function at(event) {
-    const box = canvas.getBoundingClientRect();
-    return [((event.clientX - box.left) / box.width) * canvas.width - 0.5, ((event.clientY - box.top) / box.height) * canvas.height - 0.5];
+  function paint() {
+    const scale = width / (over.clientWidth || over.getBoundingClientRect().width || width || 1);
+    handles.forEach((handle, k) => {
+      const point = points[k];
+      handle.toggleAttribute("hidden", !point);
+      handle.style.display = point ? "" : "none";
+      if (!point) return;
+      handle.setAttribute("transform", `translate(${point[0]} ${point[1]}) scale(${scale})`);
+      handle.setAttribute("aria-valuetext", `x ${point[0]}, y ${point[1]}`);
+      handle.setAttribute("aria-valuenow", String(point[0]));
+    });
+    const known = /** @type {number[][]} */ (points.filter((p) => p !== null));
+    outline.setAttribute("d", names.length === 4 && known.length > 1 ? `M${known.map((p) => p.join(" ")).join("L")}${known.length === 4 ? "Z" : ""}`
+      : names.length === 2 && known.length === 2 ? `M${known[0].join(" ")}H${known[1][0]}V${known[1][1]}H${known[0][0]}Z` : "");
+    outline.setAttribute("stroke-width", String(2 * scale));
+    inputs.forEach((pair, k) => pair.forEach((input, axis) => {
+      if (document.activeElement !== input) input.value = points[k] ? String(points[k]?.[axis]) : "";
+    }));
+    const next = points.indexOf(null);
+    say(said, well.hidden ? "" : next < 0 ? "Drag a handle or use its arrow keys to correct." : `Click: ${names[next]}. Nothing needs to be picked.`);
+    place.hidden = well.hidden || next < 0;
+    again.hidden = known.length === 0;
   }
-
-  canvas.addEventListener("pointerdown", (event) => {
-    const [x, y] = at(event);
-    const near = points.findIndex((p) => Math.hypot(p[0] - x, p[1] - y) < canvas.width / 30);
-    held = near >= 0 ? near : points.length < names.length ? points.push([x, y]) - 1 : -1;
-    if (held < 0) return;
-    canvas.setPointerCapture(event.pointerId);
-    set(points);
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    if (held < 0) return;
-    points[held] = at(event);
-    set(points);
-  });
-  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => (held = -1));
-  canvas.addEventListener("keydown", (event) => {
-    const steps = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-    const step = steps[event.key];
-    if (event.key === "Enter" && points.length < names.length) set([...points, [canvas.width / 2, canvas.height / 2]]);
-    else if (step && points.length) set([...points.slice(0, -1), points.at(-1).map((v, k) => v + step[k] * (event.shiftKey ? 20 : 1))]);
-    else return;
-    event.preventDefault();
-  });
-  return { element, show, points: () => points };
+  paint();
+  return {
+    element, show,
+    /** The points, or those that are known. */
+    points: () => /** @type {number[][]} */ (points.filter((p) => p !== null)),
+  };
 }

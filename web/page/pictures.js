@@ -3,23 +3,24 @@
 import { get, makeDownload, picture, post, send, show } from "./api.js";
 import { facts, field, figures, h, panel, say, segments, select, svg } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
-import { bytes, count, duration, fixed, percent, plain, significant, words } from "./format.js";
+import { bytes, duration, fixed, percent, plain, significant, words } from "./format.js";
 import { reportOfCalibration, reportOfFoil, reportOfMap, warned } from "./assetreports.js";
 import { flashForm } from "./flashform.js";
 import { lutForm } from "./lutform.js";
+import { hdrView } from "./hdrview.js";
+import { lutCurves } from "./lutcurves.js";
 import { forFile, headingOf } from "./naming.js";
 import { operationForm } from "./operationform.js";
 import { exposure, reportOfRender } from "./rendering.js";
 
-const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots, flash: reportOfFlash, foil: reportOfFoil, calibrate: reportOfCalibration, map: reportOfMap, render: reportOfRender };
+const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, foil: reportOfFoil, calibrate: reportOfCalibration, map: reportOfMap, render: reportOfRender };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
   "lut.png": "The table under its light, tone-mapped for the eye, over half vectors: the zero order is in the middle. Grey is not measured.",
   "deconvolved.png": "The highlight with the lens's blur taken out; light as a share of white.",
   "height.png": "Dark taken for deep. Relative where nothing calibrates it.",
   "brdf.png": "Light towards each direction, seen from above: the rim is grazing, up is up. Orders are spread violet to red away from the mirror direction. Compressed for the eye.",
-  "period.png": "The gratings' periods. Grey is masked: no order in reach, light of no single grating, or two that explain it.",
-  "sigma.png": "One standard deviation of the orientation. Grey is masked.",
+  "period.png": "The gratings' periods. Grey is masked.",
   "orientation.png": "Direction of the grating vector, across the grooves.",
   "histogram.png": "How frequent dots of each orientation and period are.",
   "before-after.png": "Before on the left, after on the right, in the same colours.",
@@ -62,6 +63,8 @@ export async function showPictures(main, job, signal) {
     makeDownload(link, `${base}/${encodeURIComponent(name)}`, `${forFile(job)}-${name}`, complain);
     return link;
   });
+  const merged = job.method === "hdr" ? await hdrView(job.id, signal) : null;
+  if (merged) well.replaceChildren(merged.canvas);
   main.append(
     h("div", { class: "head" }, headingOf(job),
       files.some((f) => f.name.endsWith(".exr")) ? h("a", { class: "button primary", id: "to-maps", href: `#/maps/${job.id}` }, "Map viewer") : null,
@@ -70,19 +73,20 @@ export async function showPictures(main, job, signal) {
     h("div", { class: "columns result" },
       h("section", { class: "panel", "aria-label": "Picture" },
         h("header", {}, pictures.length > 1 ? segments("Picture", pictures.map((p) => [p, label(p)]), shown, change) : h("h2", {}, "Picture")),
-        well, job.method === "render" ? exposure(job, image, signal) : null, meaning, h("p", { class: "row downloads" }, h("span", { class: "soft" }, "Download"), links)),
+        well, merged?.controls, job.method === "render" ? exposure(job, image, signal) : null, meaning, h("p", { class: "row downloads" }, h("span", { class: "soft" }, "Download"), links)),
       h("div", { class: "stack" },
         panel("Report", null, (REPORTS[job.method] ?? reportOf)(report)),
-        job.method === "lut" ? panel("Radial profile", null, await profile(base, signal)) : null,
+        job.method === "lut" ? panel("Radial profile", null, await lutCurves(base, report, signal)) : null,
         job.method === "bokeh" && report.slice ? panel("Slice across the lines", null, await slice(base, signal)) : null,
         nextPanel(job))));
-  if (shown) await change(shown);
+  if (merged) say(meaning, "The merged light. The slider chooses which stops fill the screen; values are those of hdr.exr.");
+  else if (shown) await change(shown);
 }
 
 /** Another reconstruction of the same photographs, by the service. */
-function nextPanel(job) {
+export function nextPanel(/** @type {Job} */ job) {
   const kept = (method) => (job.method === method ? { ...job.options } : {});
-  if (job.method === "flash") return anew(job, "Again", flashForm(kept("flash")));
+  if (job.method === "flash") return anew(job, "Again", flashForm(kept("flash"), { described: true }));
   const verbs = { brdf: "In other light", map: "Other edits" };
   if (!["hdr", "lut", "bokeh"].includes(job.method)) {
     return anew(job, verbs[job.method] ?? "Again", operationForm(job.method, kept(job.method)), job.method === "render" ? "Render" : undefined);
@@ -140,34 +144,6 @@ async function slice(base, signal) {
     h("p", { class: "soft" }, `Light across the lines, over ${unit}.`));
 }
 
-/** Means over rings around the zero order: the luminance, and below it what was measured. */
-async function profile(base, signal) {
-  const text = await (await send(`${base}/profile.csv`, { signal })).text();
-  const rows = text.trim().split("\n").slice(1).map((line) => line.split(",").map(Number));
-  const [width, height, left, bottom] = [420, 220, 44, 30];
-  const reach = rows.at(-1)?.[0] ?? 1;
-  const lights = rows.map((r) => r[2]).filter((y) => y > 0);
-  const top = Math.ceil(Math.log10(Math.max(...lights, 1e-30)));
-  const low = Math.max(top - 6, Math.floor(Math.log10(Math.min(...lights, 1e30))));
-  const x = (r) => left + (r / reach) * (width - left - 8);
-  const y = (share) => 8 + (1 - share) * (height - bottom - 8);
-  const path = (value) => rows.map((r, i) => `${i ? "L" : "M"}${x(r[0]).toFixed(1)} ${y(Math.min(1, Math.max(0, value(r)))).toFixed(1)}`).join("");
-  const decades = Array.from({ length: top - low + 1 }, (_, i) => low + i);
-  const label = "Mean luminance over the half vector, on a logarithmic axis, and coverage";
-  return h("div", { class: "stack" },
-    svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label, class: "chart" },
-      decades.map((d) => {
-        const at = y((d - low) / Math.max(1, top - low));
-        return [svg("line", { x1: left, x2: width - 8, y1: at, y2: at, class: "grid" }), svg("text", { x: left - 6, y: at + 4, "text-anchor": "end" }, `10${superscript(d)}`)];
-      }),
-      [0, 0.5, 1].map((share) => svg("text", { x: x(share * reach), y: height - 10, "text-anchor": "middle" }, plain(Number((share * reach).toPrecision(2))))),
-      svg("path", { d: path((r) => r[4]), class: "coverage" }),
-      svg("path", { d: path((r) => (Math.log10(Math.max(r[2], 1e-30)) - low) / Math.max(1, top - low)), class: "light" })),
-    h("p", { class: "soft" }, "Mean luminance Y over the length of the half vector; dashed, the part that was measured, 0 to 1."));
-}
-
-const superscript = (n) => String(n).replace(/./g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
-
 /** A table's report. */
 function reportOfTable(report) {
   const { choice, coverage, seconds = {}, warnings = [] } = report;
@@ -188,59 +164,6 @@ function reportOfTable(report) {
       ["Per pixel", plain(report.scale)],
       ["Exponent", plain(report.exponent)],
       ["Method", `${words(choice.method)}${choice.spacing_px === null ? "" : `, ${plain(choice.spacing_px)} pixels apart`}: ${choice.why}`],
-      ["Took", seconds.total && duration(seconds.total)],
-    ]),
-    h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a)))));
-}
-
-/** A spot scan's report. */
-function reportOfSpots(report) {
-  const { pixels, seconds = {}, warnings = [], mirror_offset_deg: mirror, discs } = report;
-  const all = report.width * report.height;
-  const percents = (value) => (value === null ? "unknown" : percent(value, 2));
-  return h("div", { class: "stack" }, warned(warnings),
-    figures([
-      ["of the pixels resolved", percent(pixels.resolved / all, 1)],
-      ["σ of the period", percents(report.period_sigma)],
-      ["σ of the orientation", report.orientation_sigma_deg === null ? "unknown" : `${fixed(report.orientation_sigma_deg, 2)}°`],
-    ]),
-    facts([
-      ["Patterns", `${report.patterns}, of which ${report.fringes} different fringes`],
-      ["Wavelength", `${plain(report.wavelength_nm)} nm`],
-      ["Shared by all periods", percents(report.period_scale_sigma)],
-      ["No order in reach", percent(pixels.no_order / all, 1)],
-      ["No single grating", percent(pixels.unexplained / all, 1)],
-      ["Two gratings", percent(pixels.ambiguous / all, 1)],
-      ["Discs", discs && `${discs.discs}: decided ${count(discs.decided)} pixels, contradicted ${count(discs.contradicted)}`],
-      ["Dark or saturated", percent((pixels.dark + pixels.unusable) / all, 1)],
-      ["Mirror direction", mirror && `${fixed(mirror[0], 3)}°, ${fixed(mirror[1], 3)}° from the geometry`],
-      ["Aperture", `${fixed(report.aperture_mm, 1)} mm`],
-      ["Took", seconds.total && duration(seconds.total)],
-    ]),
-    h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a)))));
-}
-
-/** The report of tiles under a flash. */
-function reportOfFlash(report) {
-  const { period, masked, seconds = {}, warnings = [] } = report;
-  return h("div", { class: "stack" }, warned(warnings),
-    figures([
-      period.um === null ? ["median of the periods", period.median_um === null ? "unknown" : `${fixed(period.median_um, 3)} µm`]
-        : ["period", `${fixed(period.um, 3)} ± ${fixed(period.sigma_um ?? 0, 3)} µm`],
-      ["σ of an orientation", report.sigma_deg === null ? "unknown" : `${fixed(report.sigma_deg, 2)}°`],
-      ["masked", percent(masked.all, 1)],
-    ]),
-    facts([
-      ["Tiles", `${report.tiles}, moved by up to ${fixed(report.registration?.most_px ?? 0, 2)} pixels`],
-      ["Lights", `${report.lights_mm.length}`],
-      ["Wavelength", `${plain(report.wavelength_nm)} nm`],
-      ["Periods", period.why],
-      ["σ of a period", report.period_sigma === null ? "unknown" : percent(report.period_sigma, 2)],
-      ["Several gratings", percent(masked.several, 1)],
-      ["No single grating", percent(masked.unexplained, 1)],
-      ["Dark or never lit", percent(masked.dark + masked.unseen, 1)],
-      ["Periods searched", report.searched_um && `${report.searched_um.map((v) => fixed(v, 2)).join(" to ")} µm`],
-      ["Periods are", report.relative ? "relative" : "absolute"],
       ["Took", seconds.total && duration(seconds.total)],
     ]),
     h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a)))));
@@ -299,14 +222,15 @@ function reportOf(report) {
   const shifted = registration?.corrected && "Moved back onto each other";
   return h("div", { class: "stack" }, warned(warnings),
     figures([
+      ["measured range", report.dynamic_range === null ? "none" : `${fixed(Math.log2(report.dynamic_range), 1)} stops`],
+      ["saturated in all", share(samples.saturated)],
+      ["dark in all", share(samples.dark)],
       ["σ of a typical value", report.error_estimate === null ? "unknown" : percent(report.error_estimate, 2)],
-      ["measured range", report.dynamic_range === null ? "none" : `${significant(report.dynamic_range)} : 1`],
-      ["exposures", String(frames.length)],
     ]),
     facts([
       ["Response", `${words(report.response)}${report.response_sigma === null ? "" : `, known to ${percent(report.response_sigma, 2)}`}`],
-      ["Saturated in all", share(samples.saturated)],
-      ["Dark in all", share(samples.dark)],
+      ["Range", report.dynamic_range === null ? null : `${significant(report.dynamic_range)} : 1`],
+      ["Exposures", `${frames.length}, over ${fixed(Math.log2(Math.max(...frames.map((f) => f.exposure)) / Math.min(...frames.map((f) => f.exposure))), 1)} stops`],
       ["Exposures agree", report.chi2 === null ? "nothing was measured twice" : `reduced χ² ${fixed(report.chi2, 2)}`],
       ["Noise", words(report.noise)],
       ["Shifts", shifted || registration?.doubt],

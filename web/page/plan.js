@@ -26,17 +26,24 @@ export const MODELS = [
 /** The five kinds, and what each varies. */
 export const KINDS = [
   ["polarization", "Polarization", "Turns the analyser."],
-  ["exposures", "Exposures", "Varies the exposure time, at each angle of the analyser if any."],
-  ["flash", "Flash", "Under the flash, at each angle of the analyser if any."],
-  ["spots", "Spots", "Moves fringes or a disc over the panel, at each angle of the analyser if any."],
+  ["exposures", "Exposures", "Varies the exposure time: high dynamic range, lookup tables."],
+  ["flash", "Flash", "The same under the flash."],
+  ["spots", "Spots", "Moves fringes or discs over the panel: absolute periods. No analyser."],
   ["free", "Free", "Frame by frame, as listed."],
 ];
 
 /** How exposures can be found for each kind; the first is what it begins with. */
 export const EXPOSING = {
-  polarization: ["meter", "fixed", "several"], exposures: ["several", "bracket"], flash: ["meter", "fixed", "several", "bracket"],
+  polarization: ["meter", "fixed", "several"], exposures: ["bracket", "several"], flash: ["bracket", "several", "meter", "fixed"],
   spots: ["meter", "fixed"], free: ["meter", "fixed"],
 };
+
+/** Gives the form another kind, with the analyser and exposures that need nothing from the user. */
+export function ofKind(form, kind) {
+  form.kind = kind;
+  form.angles = kind === "polarization" ? BLANK.angles : "none";
+  form.exposing = EXPOSING[kind][0];
+}
 
 /** How the form's exposures are found. */
 export const exposingOf = ({ kind, exposing }) => (EXPOSING[kind].includes(exposing) ? exposing : EXPOSING[kind][0]);
@@ -44,7 +51,7 @@ export const exposingOf = ({ kind, exposing }) => (EXPOSING[kind].includes(expos
 /** What can be made of one view. */
 const METHODS = {
   hdr: "One photograph of high dynamic range", lut: "A lookup table of its diffraction", bokeh: "A grating in an out-of-focus highlight",
-  flash: "Orientations and periods of tiles", spots: "Orientations and absolute periods",
+  flash: "Orientations and periods of a sheet of equal tiles", spots: "Orientations and absolute periods",
 };
 
 /** Methods that can be made of what the form asks for, the usual one first: `[name, label]`. */
@@ -182,6 +189,8 @@ export function toPlan(form) {
   plan.extras = ["dark", "display_black"].filter((extra) => form[extra]);
   if (kind === "polarization" && form.reconstruct) plan.reconstruct = { operation: "polarization", options: { model: form.model } };
   const method = methodOf(form);
+  const flash = form.options.flash ?? {};
+  if (method === "flash" && form.reconstruct && !flash.size_mm && !flash.reference_px) problems.operation = "Size: the width and height of the sheet are needed";
   if (method && form.reconstruct) plan.reconstruct = { operation: method, options: form.options[method] ?? {} };
   return { plan, problems };
 }

@@ -2,7 +2,7 @@
 
 import { check, field, h, part, select } from "./dom.js";
 import { operationForm } from "./operationform.js";
-import { EXPOSING, exposingOf, KINDS, methodOf, methodsOf, MODELS } from "./plan.js";
+import { EXPOSING, exposingOf, KINDS, methodOf, methodsOf, MODELS, ofKind } from "./plan.js";
 import { stepsEditor } from "./steps.js";
 
 /** Methods with options of their own in a plan, and the options that need photographs. */
@@ -36,7 +36,10 @@ export function planForm(values, changed) {
 
   const kinds = h("div", { class: "kinds", role: "radiogroup", "aria-label": "Kind" }, KINDS.map(([key, label, about]) =>
     h("label", { class: "kind" },
-      h("input", { type: "radio", name: "kind", value: key, checked: values.kind === key, onchange: () => set("kind", key) }),
+      h("input", { type: "radio", name: "kind", value: key, checked: values.kind === key, onchange: () => {
+        ofKind(values, key);
+        set("kind", key);
+      } }),
       h("span", {}, h("strong", {}, label), h("small", {}, about)))));
 
   const angleMode = list("angles", "Angles", [["range", "From, to, step"], ["list", "List"], ["until", "Until σ is small enough"], ["none", "Leave the analyser alone"]]);
@@ -74,19 +77,21 @@ export function planForm(values, changed) {
 
   const model = list("model", "Model", MODELS);
   const what = h("select", { id: "plan-method", onchange: (e) => set("method", e.target.value) });
-  const method = field("What of", what);
+  const method = field("Result", what);
   const options = h("div");
-  const reconstruct = h("div", { class: "stack" }, h("div", { class: "fields" }, tick("reconstruct", "Reconstruct at once"), model, method), options);
+  const unfit = h("p", { class: "soft" }, "A result at once needs one view: leave the analyser alone. Other series are reconstructed from the page of the session.");
+  const reconstruct = h("div", { class: "stack" }, h("div", { class: "fields" }, tick("reconstruct", "Reconstruct at once"), model, method), keep("operation", h("div", {}, options)));
   const about = group("Session", h("div", { class: "stack" }, fields(text("name", "Name"), text("sample", "Sample"), text("operator", "Operator")),
     area("notes", "Notes")));
   const besides = group("Extra frames and result", h("div", { class: "stack" },
-    tick("dark", "Dark frame, behind the closed shutter"), tick("display_black", "Frame with all light off (subtracted)"), reconstruct));
+    tick("dark", "Dark frame, behind the closed shutter"), tick("display_black", "Frame with all light off (subtracted)"), reconstruct, unfit));
 
   /** The methods there are, and the options of the chosen one. */
   function paintMethod() {
     const choices = methodsOf(values);
     const chosen = methodOf(values);
     reconstruct.hidden = values.kind !== "polarization" && !chosen;
+    unfit.hidden = !reconstruct.hidden || values.kind === "free";
     method.hidden = !values.reconstruct || choices.length < 2;
     what.replaceChildren(...choices.map(([name, label]) => h("option", { value: name, selected: name === chosen }, label)));
     options.hidden = !values.reconstruct || !(chosen in WITHOUT);
@@ -97,7 +102,8 @@ export function planForm(values, changed) {
       values.options[chosen] = shown.options();
       changed();
     };
-    options.replaceChildren(shown.element);
+    // All options have defaults, except that a sheet of tiles has a size.
+    options.replaceChildren(h("details", { open: chosen === "flash" }, h("summary", {}, "Options of the result"), shown.element));
     shown.element.addEventListener("input", keep);
     shown.element.addEventListener("change", keep);
     values.options[chosen] = shown.options();
@@ -111,7 +117,8 @@ export function planForm(values, changed) {
 
   function paint() {
     const { kind } = values;
-    analyser.hidden = kind === "free";
+    // Fringes need no analyser; a plan that turns it all the same is shown as it is.
+    analyser.hidden = kind === "free" || (kind === "spots" && values.angles === "none");
     // Polarization needs angles; the other kinds can leave the analyser alone.
     allow(angleMode, "none", kind !== "polarization");
     allow(angleMode, "until", kind === "polarization");
@@ -128,7 +135,7 @@ export function planForm(values, changed) {
     for (const f of bracketFields) f.hidden = exposing !== "bracket";
     exposure.hidden = exposing !== "fixed";
     brackets.hidden = exposing !== "several" || kind !== "polarization";
-    display.hidden = kind === "spots";
+    display.hidden = kind === "spots" || kind === "flash";
     for (const f of discFields) f.hidden = values.pattern !== "disc";
     spots.hidden = kind !== "spots";
     for (const f of fringeFields) f.hidden = values.lights === "discs";
@@ -144,7 +151,8 @@ export function planForm(values, changed) {
     mark(problems) {
       for (const [key, holder] of Object.entries(holders)) {
         holder.lastElementChild.textContent = problems[key] ?? "";
-        holder.querySelector("input, textarea").setAttribute("aria-invalid", String(key in problems));
+        // Of an operation's options, one at most is needed: the size of a sheet of tiles.
+        holder.querySelector(key === "operation" ? "#flash-size-mm" : "input, textarea")?.setAttribute("aria-invalid", String(key in problems));
       }
       steps.mark(problems);
     },

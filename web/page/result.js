@@ -4,6 +4,7 @@ import { get, listen, makeDownload, picture, post } from "./api.js";
 import { h, panel, say } from "./dom.js";
 import { complain, problemMessage, tell } from "./feedback.js";
 import { degrees, duration, fixed, percent, significant } from "./format.js";
+import { showGratings } from "./gratings.js";
 import { forFile, headingOf } from "./naming.js";
 import { notifyButton } from "./notify.js";
 import { operationForm } from "./operationform.js";
@@ -39,6 +40,7 @@ export async function resultPage(main, { id, signal }) {
   /** @type {Job} */
   const job = await get(`/reconstructions/${id}`, { signal });
   if (signal.aborted) return;
+  if (job.state === "done" && job.report && ["spots", "flash"].includes(job.method)) return showGratings(main, job, signal);
   if (job.state === "done" && job.report) return job.method === "polarization" ? showMaps(main, job, signal) : showPictures(main, job, signal);
   await showProgress(main, job, signal);
 }

@@ -12,6 +12,7 @@ import { prepare } from "./new.js";
 import { notifyButton } from "./notify.js";
 import { pretty } from "./plan.js";
 import { remedies } from "./remedy.js";
+import { sessionForms } from "./sessionforms.js";
 import { onReturn } from "./service.js";
 
 /** Which commands a state allows, its tone, and what it means. */
@@ -82,7 +83,7 @@ export async function sessionPage(main, { id, signal }) {
   const lastAbout = h("span", { class: "soft" });
   const lastEmpty = h("p", { class: "empty" }, "No frame yet.");
   const map = h("img", { id: "live-map", alt: "Map so far", hidden: true });
-  const pictured = { hdr: ["hdr.png", "Merged exposures, tone-mapped."], lut: ["lut.png", "The table under its light."], bokeh: ["deconvolved.png", "The highlight, its blur taken out."], spots: ["period.png", "Periods by fringes."] }[session.plan?.reconstruct?.operation];
+  const pictured = { hdr: ["hdr.png", "Merged exposures, tone-mapped."], lut: ["lut.png", "The table under its light."], bokeh: ["deconvolved.png", "The highlight, its blur taken out."], spots: ["period.png", "Periods by fringes."], flash: ["orientation.png", "Orientations by flash photographs."] }[session.plan?.reconstruct?.operation];
   const mapEmpty = h("p", { class: "empty" }, pictured ? "Made after the last exposure." : "The map appears after three angles.");
   const mapAbout = h("span", { class: "soft" });
   const legend = h("div", { class: "legend" });
@@ -93,6 +94,7 @@ export async function sessionPage(main, { id, signal }) {
   const rose = wheel(112);
   addEventListener("themechange", () => rose.refresh(), { signal });
 
+  const forms = sessionForms(session, () => frames, signal);
   const repeat = h("a", { class: "button", href: "#/new", onclick: () => prepare(session.plan) }, "Repeat");
   const tableHolder = h("div", { class: "scroll" });
   const table = h("details", { ontoggle: () => table.open && paintFrames() }, h("summary", {}, "Frames"), tableHolder);
@@ -104,7 +106,7 @@ export async function sessionPage(main, { id, signal }) {
       h("div", { class: "stack" },
         panel("Progress", h("div", { class: "row" }, notify, Object.values(buttons)), h("div", { class: "stack" },
           h("p", { class: "row" }, lamp, means), phases.element, remedy.element, progress, sigma, figures([["frames", taken], [time, phases.eta], ["on disk", size]]))),
-        panel(pictured ? "Picture" : "Map", pictured ? null : choice, h("div", { class: "well mapwell live" }, map, mapEmpty), h("div", { class: "row under" }, legend, mapAbout))),
+        panel(pictured ? "Picture" : "Map", pictured ? null : choice, h("div", { class: "well mapwell live" }, map, mapEmpty), h("div", { class: "row under" }, legend, mapAbout)), forms),
       h("div", { class: "stack" },
         h("div", { class: "columns pair" },
           panel("Last frame", lastAbout, h("div", { class: "well last" }, last, lastEmpty)),
@@ -165,6 +167,7 @@ export async function sessionPage(main, { id, signal }) {
     say(time, going ? (session.plan?.reconstruct ? "to go, with results" : "to go") : "taken");
     say(size, bytes(session.bytes));
     resultLink.hidden = !session.has_results;
+    forms?.update(session);
     angles.marks(planned, frames.flatMap((f) => f.analyser_deg ?? []));
     const newest = frames.at(-1)?.analyser_deg;
     if (typeof newest === "number") angles.set(newest);

@@ -4,7 +4,9 @@ import { post, send } from "./api.js";
 import { field, h, number, panel, say, select } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
+import { describedBy, dropped, flattened, operationOf } from "./described.js";
 import { flashForm } from "./flashform.js";
+import { byRoomLight, flashLights } from "./flashlights.js";
 import { lutForm } from "./lutform.js";
 import { operationForm, titleOf } from "./operationform.js";
 
@@ -26,7 +28,7 @@ function likely(name) {
 }
 
 /** Operations of uploaded photographs, height fields and maps. */
-const OFFERED = ["polarization", "hdr", "stack", "lut", "bokeh", "flash", "foil", "brdf", "calibrate", "map", "factor", "synthesize"];
+const OFFERED = ["polarization", "hdr", "stack", "lut", "bokeh", "flash", "spots", "foil", "brdf", "calibrate", "map", "factor", "synthesize"];
 
 /**
  * Shows the form until the signal fires.
@@ -36,8 +38,14 @@ const OFFERED = ["polarization", "hdr", "stack", "lut", "bokeh", "flash", "foil"
 export async function uploadPage(main, { signal }) {
   let photographs = [];
   let picked = null;
-  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ENDINGS.join(","), onchange: () => add(input.files) });
-  const folder = h("input", { type: "file", id: "photographs-folder", webkitdirectory: true, onchange: () => add(folder.files) });
+  /** The frames.json and geometry.json among the files. */
+  let described = { frames: /** @type {any} */ (null), geometry: /** @type {any} */ (null) };
+  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: [...ENDINGS, ".json"].join(","), onchange: () => add([...(input.files ?? [])]) });
+  const folder = h("input", { type: "file", id: "photographs-folder", webkitdirectory: true, onchange: () => {
+    const files = [...(folder.files ?? [])];
+    call(files[0]?.webkitRelativePath.split("/")[0]);
+    add(files);
+  } });
   const skipped = h("p", { role: "status", "aria-live": "polite", class: "soft" });
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
@@ -54,38 +62,60 @@ export async function uploadPage(main, { signal }) {
   let refusal = "";
   const method = select(OFFERED.map((name) => [name, titleOf(name)]), "polarization", { id: "method", onchange: paint });
   const flash = flashForm();
-  const forms = Object.fromEntries(OFFERED.map((name) => [name, name === "flash" ? flash : name === "lut" ? lutForm() : operationForm(name)]));
+  const lut = lutForm();
+  const lights = flashLights(() => judge());
+  let called = "";
+  const forms = Object.fromEntries(OFFERED.map((name) => [name, name === "flash" ? flash : name === "lut" ? lut : operationForm(name)]));
   const values = field("Values", transfer);
   const angled = h("div", { class: "stack" }, field("Polarization by", source), sensor, field("Illumination", light, { hint: "Under a display behind a quarter-wave retarder, gratings get orientations; else plain polarimetry" }), field("Channel", channel));
   const name = h("input", { id: "upload-name", maxlength: 200, placeholder: "From the names of the files", autocomplete: "off" });
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
+  const told = h("p", { class: "message", "data-tone": "good", id: "described", hidden: true });
+  const lit = h("div", { class: "stack" }, h("h3", {}, "Where the flash was"), h("p", { class: "soft" }, "Millimetres from the middle of the sheet. Without positions give the height of the light below; the highlights show the rest."), lights.element);
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
-  const drop = h("div", { class: "drop", ondragover: (e) => e.preventDefault(), ondrop: (e) => { e.preventDefault(); add(e.dataTransfer.files); } },
+  const drop = h("div", { class: "drop", ondragover: (e) => e.preventDefault(), ondrop: async (e) => {
+    e.preventDefault();
+    const { files, folder: from } = await dropped(e.dataTransfer);
+    call(from);
+    add(files);
+  } },
     field("Photographs (PNG, TIFF, JPEG, EXR), or a height field (BMP, text and files of AFMs as well)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }),
     field("Or all of a folder", folder, { hint: "Folders inside it are left out, as nacre import does." }), skipped);
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Upload photographs"), start),
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, listing))),
       h("div", { class: "stack" },
-        panel("Reconstruction", null, h("div", { class: "stack" }, field("What to make of them", method), field("Name", name), values, angled, Object.values(forms).map((form) => form.element), about, problems, progress)))));
+        panel("Reconstruction", null, h("div", { class: "stack" }, field("What to make of them", method), field("Name", name, { hint: "Of the sample; results are called by it" }), told, values, angled, lit, Object.values(forms).map((form) => form.element), about, problems, progress)))));
 
+  for (const form of Object.values(forms)) {
+    for (const event of ["input", "change"]) form.element.addEventListener(event, judge);
+  }
   paint();
 
-  function add(files) {
+  /** Takes the name of a folder, unless the user gave one. */
+  function call(from) {
+    if (from && (!name.value || name.value === called)) called = name.value = from;
+  }
+
+  async function add(/** @type {File[]} */ files) {
+    input.value = folder.value = "";
+    const { photographs: taken, frames, geometry, problems: unread } = await describedBy(files);
+    described = { frames: frames ?? described.frames, geometry: geometry ?? described.geometry };
+    if (operationOf(frames)) method.value = operationOf(frames);
     const names = new Set(photographs.map((p) => p.file.name));
     const left = [];
-    for (const file of files) {
+    for (const file of taken) {
       // "folder/name" of a folder that was chosen, or empty.
       const inner = (file.webkitRelativePath ?? "").split("/").length > 2;
       if (inner || !likely(file.name)) left.push(inner ? file.webkitRelativePath : file.name);
       else if (!names.has(file.name)) photographs.push({ file, deg: null });
     }
     const more = left.length > 5 ? ` and ${left.length - 5} more` : "";
-    say(skipped, left.length ? `Left out, as no photographs of the folder: ${left.slice(0, 5).join(", ")}${more}.` : "");
+    const outside = left.length ? `Left out, as no photographs of the folder: ${left.slice(0, 5).join(", ")}${more}.` : "";
+    say(skipped, [outside, ...unread.map((problem) => `${problem}.`)].filter(Boolean).join(" "));
     photographs.sort((a, b) => a.file.name.localeCompare(b.file.name));
-    input.value = folder.value = "";
     paint();
     readAngles();
   }
@@ -116,10 +146,16 @@ export async function uploadPage(main, { signal }) {
     angled.hidden = !polarized;
     sensor.hidden = source.value !== "sensor";
     layoutField.hidden = filtersField.hidden = known.value !== "";
-    values.hidden = !polarized && !alone();
+    values.hidden = described.frames !== null || (!polarized && method.value !== "flash" && !alone());
     for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
     about.hidden = !["hdr", "lut", "bokeh", "foil"].includes(method.value) || photographs.length < 2;
-    if (method.value === "flash") pickable();
+    angled.hidden ||= described.frames !== null;
+    lit.hidden = method.value !== "flash" || described.frames !== null || photographs.length === 0;
+    lights.show(photographs.map((p) => p.file.name));
+    told.hidden = !described.frames && !described.geometry;
+    say(told, `${Object.entries(described).filter(([, value]) => value).map(([key]) => `${key}.json`).join(" and ")} found: what it says need not be entered.`);
+    if (method.value === "flash") pickable(flash);
+    if (method.value === "lut") pickable(lut);
     listing.hidden = photographs.length === 0;
     listing.querySelectorAll("th")[2].hidden = !polarizedBy("analyser");
     body.replaceChildren(...photographs.map((photograph) => h("tr", {},
@@ -136,11 +172,11 @@ export async function uploadPage(main, { signal }) {
   }
 
   /** Shows the photograph to pick in: that by room light if its name says so, else the first. */
-  function pickable() {
-    const file = (photographs.find((p) => /room/i.test(p.file.name)) ?? photographs[0])?.file ?? null;
-    if (file === picked) return;
-    picked = file;
-    flash.show(file);
+  function pickable(form) {
+    const file = (photographs.find((p) => byRoomLight(p.file.name)) ?? photographs[0])?.file ?? null;
+    if (file === picked?.file && form === picked?.form) return;
+    picked = { file, form };
+    form.show(file);
   }
 
   /** Whether the values of one photograph are taken as they are, without others to merge it with. */
@@ -149,16 +185,10 @@ export async function uploadPage(main, { signal }) {
   }
 
   function judge() {
-    if (method.value !== "polarization") {
-      problems.replaceChildren();
-      start.disabled = photographs.length === 0;
-      return;
-    }
+    if (method.value !== "polarization" || described.frames) return show(missing());
     if (source.value === "sensor") {
       const right = known.value !== "" || blockAngles().length === 4;
-      problems.replaceChildren(...(right ? [] : [h("ul", { class: "problems" }, h("li", {}, "The block needs four angles, such as 90, 45, 135, 0."))]));
-      start.disabled = photographs.length === 0 || !right;
-      return;
+      return show(right ? [] : ["The block needs four angles, such as 90, 45, 135, 0."]);
     }
     const unknown = photographs.filter((p) => p.deg === null).length;
     const distinct = new Set(photographs.map((p) => (((p.deg ?? 0) % 180) + 180) % 180)).size;
@@ -168,9 +198,41 @@ export async function uploadPage(main, { signal }) {
       unknown && `${unknown} of the photographs ${unknown === 1 ? "has" : "have"} no angle.`,
       photographs.length > 0 && !unknown && distinct < 3 && "At least three different angles within the half turn are needed.",
     ].filter(Boolean);
-    problems.replaceChildren(...(wrong.length ? [h("ul", { class: "problems" }, wrong.map((w) => h("li", {}, w)))] : []));
-    start.disabled = photographs.length === 0 || wrong.length > 0;
+    show(/** @type {string[]} */ (wrong));
   }
+
+  /** Lists what is missing; without photographs nothing is. */
+  function show(/** @type {string[]} */ wrong) {
+    const listed = photographs.length ? wrong : [];
+    problems.replaceChildren(...(listed.length ? [h("ul", { class: "problems" }, listed.map((w) => h("li", {}, w)))] : []));
+    start.disabled = photographs.length === 0 || listed.length > 0;
+  }
+
+  /** What the chosen operation needs to know and nobody has said. */
+  function missing() {
+    const options = forms[method.value].options();
+    const frames = described.frames ?? (method.value === "flash" && flash.frames() ? {} : null);
+    const names = photographs.map((p) => p.file.name);
+    const wavelength = options.wavelength_nm || described.frames?.wavelength_nm || described.geometry?.wavelength_nm || (frames && !described.frames);
+    const geometry = options.geometry || described.geometry || described.frames?.geometry;
+    const needs = {
+      flash: [
+        !wavelength && "Wavelength: that of the filter.",
+        !options.size_mm && !options.reference_px && "Size: width and height of the sheet, or pick one tile.",
+        !geometry && !options.camera_mm && "Camera: its height above the sheet, or a calibration.",
+        !frames && !options.light_height_mm && !lights.complete(names) && "Light: the position of every flash, or the height of the light.",
+      ],
+      lut: [
+        !wavelength && "Wavelength: that of the filter, or three for a colour photograph.",
+        !options.scale && !geometry && "Scale: the half vector per pixel, or a geometry with the distances of camera and flash.",
+      ],
+      spots: [!described.frames && "frames.json: add it to the photographs. It says which fringes each one shows."],
+    }[method.value] ?? [];
+    return /** @type {string[]} */ (needs.filter(Boolean));
+  }
+
+  /** What the values of such files usually are. */
+  const usualTransfer = () => (/\.jpe?g$/i.test(photographs[0].file.name) ? "srgb" : "linear");
 
   /** Angles of the sensor's block; fewer than four where one is no number. */
   function blockAngles() {
@@ -197,16 +259,18 @@ export async function uploadPage(main, { signal }) {
     if (channel.value) description.channel = channel.value;
     const form = new FormData();
     const polarized = method.value === "polarization";
+    const json = (/** @type {any} */ value) => new Blob([JSON.stringify(value)], { type: "application/json" });
     form.append("kind", { polarization: "polarization", brdf: "surface", map: "maps", factor: "table", synthesize: "table" }[method.value] ?? "photographs");
     if (name.value.trim()) form.append("name", name.value.trim());
-    if (polarized) form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
-    const described = method.value === "flash" && flash.frames();
-    if (described) form.append("frames", described, "frames.json");
+    if (described.frames) form.append("frames", json(flattened(described.frames)), "frames.json");
+    else if (polarized) form.append("frames", json(description), "frames.json");
+    else if (method.value === "flash") form.append("frames", flash.frames() ?? json({ kind: "flash", transfer: transfer.value || usualTransfer(), frames: lights.frames(photographs.map((p) => p.file.name)) }), "frames.json");
     for (const { file } of photographs) form.append("file", file, file.name);
     try {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
       const options = forms[method.value].options();
-      if (alone()) options.transfer ??= transfer.value || (/\.jpe?g$/i.test(photographs[0].file.name) ? "srgb" : "linear");
+      if (alone()) options.transfer ??= transfer.value || usualTransfer();
+      if (described.geometry && ["flash", "spots", "lut", "foil"].includes(method.value)) options.geometry ??= described.geometry;
       const others = (await forms[method.value].inputs?.(signal)) ?? {};
       const job = await post(`/operations/${method.value}`, { session: null, upload: upload.id, options, ...others });
       location.hash = `#/result/${job.id}`;

@@ -115,6 +115,7 @@ interface Job {
     created: number;
     error: string | null;
     options?: any;
+    light?: LightUpload | null;
     report?: any;
     so_far?: { passes: number; of: number; noise: number | null; seconds_left: number } | null;
 }

@@ -78,7 +78,12 @@ pub fn of_session(folder: &Path, plan: &Plan) -> String {
 /// The name of a session that has no folder yet.
 pub fn of_plan(plan: &Plan) -> String {
     let named = [&plan.name, &plan.sample].map(|text| shortened(text)).into_iter().find(|text| !text.is_empty());
-    named.unwrap_or_else(|| capitalised(&word(plan.kind)))
+    named.unwrap_or_else(|| of_kind(plan))
+}
+
+/// The name of a session whose plan has neither name nor sample: its kind.
+pub fn of_kind(plan: &Plan) -> String {
+    capitalised(&word(plan.kind))
 }
 
 /// A word with a capital first letter.

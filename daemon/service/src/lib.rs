@@ -65,6 +65,7 @@ use nacre_capture::page::Link;
 use nacre_capture::plan::Limits;
 use nacre_capture::rig::Place;
 use nacre_capture::session::{SESSION_FILE, sha256};
+use nacre_capture::setup::Setup;
 use nacre_drivers::display::DisplayConfig;
 use nacre_store::catalogue::SessionRow;
 use nacre_store::jobs::Jobs;
@@ -92,6 +93,8 @@ pub struct App {
     pub config: Config,
     /// Limits of the devices.
     pub limits: Limits,
+    /// Geometry and light of the bench.
+    pub setup: Setup,
     /// Ids of the interlocks.
     pub interlocks: Vec<String>,
     /// The bench.
@@ -179,11 +182,16 @@ impl App {
         let renders = Arc::new(renders::Renders::default());
         let stores = Stores::open(&config.data, work::jobs(config.data.clone(), renders.clone())).await?;
         let bench = Bench::open(place).await?;
-        let found =
-            bench.work(|owner| Ok((owner.rig.devices.limits(), owner.runtime.block_on(owner.rig.watch.ids())))).await;
-        let (limits, interlocks) = found.map_err(|p| Error::input("bench", p.detail(), "restart the service"))?;
+        let found = bench
+            .work(|owner| {
+                Ok((owner.rig.devices.limits(), owner.rig.setup.clone(), owner.runtime.block_on(owner.rig.watch.ids())))
+            })
+            .await;
+        let (limits, setup, interlocks) =
+            found.map_err(|p| Error::input("bench", p.detail(), "restart the service"))?;
         Ok(Arc::new(Self {
             limits,
+            setup,
             interlocks,
             bench,
             display,

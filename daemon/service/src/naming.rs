@@ -8,7 +8,7 @@ use super::stored_uploads::StoredUpload;
 use super::{App, At, Body, blocking};
 use axum::Json;
 use axum::extract::State;
-use nacre_capture::naming::{ABOUT_FILE, capitalised, checked, give, given, of_session, shortened};
+use nacre_capture::naming::{ABOUT_FILE, capitalised, checked, give, given, of_kind, of_session, shortened};
 use nacre_capture::plan::Method;
 use nacre_capture::session::{SESSION_FILE, SessionFile};
 use nacre_frames::FILE_NAME;
@@ -25,7 +25,7 @@ const RESULTS: [(&str, &str); 10] = [
     ("bokeh", "Lines"),
     ("brdf", "Diffracted light"),
     ("spots", "Periods"),
-    ("flash", "Periods"),
+    ("flash", "Flash orientation"),
     ("foil", "Dots"),
     ("calibrate", "Calibration"),
     ("map", "Edited maps"),
@@ -137,10 +137,12 @@ pub fn result_of(method: Method, input: &str) -> String {
     if input.is_empty() { result } else { shortened(&format!("{result} of {input}")) }
 }
 
-/// Name of a session or upload by its folder; empty if the folder is gone.
+/// Name of a session or upload by its folder; empty if the folder is gone, or if a session is called as its kind.
 fn of_input(folder: &Path) -> String {
     match SessionFile::read(folder) {
-        Ok(session) => of_session(folder, &session.plan),
+        Ok(session) => {
+            Some(of_session(folder, &session.plan)).filter(|name| *name != of_kind(&session.plan)).unwrap_or_default()
+        }
         Err(_) => of_upload(folder),
     }
 }

@@ -41,6 +41,9 @@ pub struct Checked {
     least_frames: usize,
     /// Limits of the bench that it exceeds.
     problems: Vec<String>,
+    /// For fringes: shortest period in µm whose first order reaches the panel from the middle of the sample, for
+    /// grating vectors at 0, 15, … 165 degrees; null where none does.
+    shortest_um: Option<Vec<Option<f64>>>,
     /// The plan as JSON, also if it was sent as TOML.
     #[schema(value_type = Object)]
     plan: Plan,
@@ -70,6 +73,12 @@ pub struct Estimated {
     least_frames: usize,
     /// Time in seconds until the last of `least_frames`.
     least_seconds: f64,
+}
+
+impl From<serde_json::Value> for PlanBody {
+    fn from(plan: serde_json::Value) -> Self {
+        Self { plan: Some(plan), toml: None }
+    }
 }
 
 impl PlanBody {
@@ -104,11 +113,13 @@ pub async fn schema() -> Json<serde_json::Value> {
 pub async fn check(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> Answer<Json<Checked>> {
     let plan = body.plan()?;
     let problems = plan.check_limits(&app.limits);
+    let shown = plan.clone().with_fringes(&app.setup, &app.limits);
     Ok(Json(Checked {
         sound: problems.is_empty(),
-        frames: plan.most_steps().len(),
-        least_frames: plan.steps().len(),
+        frames: shown.most_steps().len(),
+        least_frames: shown.steps().len(),
         problems,
+        shortest_um: plan.reach(&app.setup, &app.limits).map(|reach| reach.shortest_um),
         plan,
     }))
 }
@@ -131,7 +142,7 @@ pub async fn assumed_exposure(app: &App, plan: &Plan) -> Duration {
     request_body = PlanBody,
     responses((status = 200, body = Estimated), (status = 400, body = Problem), (status = 409, body = Problem)))]
 pub async fn estimate(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> Answer<Json<Estimated>> {
-    let plan = body.plan()?;
+    let plan = body.plan()?.with_fringes(&app.setup, &app.limits);
     let metered = plan.is_metered();
     let assumed = assumed_exposure(&app, &plan).await;
     let estimate = plan.estimate(assumed, &app.limits, 0.0);

@@ -1,6 +1,7 @@
 //! `/api/v1/samples`: simulated samples, to try Nacre without a bench. Their sessions leave the bench alone.
 
 use super::pace::Expected;
+use super::plans::PlanBody;
 use super::problem::{Answer, Kind, Problem};
 use super::runs::Run;
 use super::sessions::{accepted, capture, failed, tell_states};
@@ -11,13 +12,13 @@ use axum::response::{IntoResponse, Response};
 use nacre_base::progress::Silent;
 use nacre_capture::Failure;
 use nacre_capture::engine::Input;
-use nacre_capture::plan::{Limits, Plan};
+use nacre_capture::plan::{Limits, Plan, PlanKind};
 use nacre_capture::rig::{Rig, SimulatedBench, Stop, Uses, runtime};
 use nacre_drivers::Pattern;
 use nacre_image::{Palette, Rgb, encode_png8};
 use nacre_sim::surface::{Sample, SampleConfig, SampleKind, Surface};
 use nacre_sim::{Bench, BenchConfig, CameraConfig, Shining};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -26,6 +27,14 @@ use utoipa::ToSchema;
 
 /// Width and height of the photographs in pixels: a session with its results takes about ten seconds.
 const SIDE: u32 = 512;
+
+/// The same for fringes, of which each takes as long to simulate as sixteen discs.
+const FRINGES_SIDE: u32 = 128;
+
+/// Distance from sample to panel in mm, and size of the panel in mm, at which first orders of periods from 1.2 µm reach
+/// the panel.
+const NEAR_MM: f64 = 250.0;
+const NEAR_PANEL_MM: [f64; 2] = [520.0, 320.0];
 
 /// Analyser angles in degrees: twice as many as are needed, so that the uncertainty is that of a real session.
 const ANGLES_DEG: [f64; 8] = [0.0, 22.5, 45.0, 67.5, 90.0, 112.5, 135.0, 157.5];
@@ -131,25 +140,43 @@ pub async fn photographs(At(kind): At<String>) -> Answer<Response> {
     Ok(body.await?.into_response())
 }
 
+/// A session of a simulated sample.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Trial {
+    /// The plan; default: eight analyser angles and a map of orientations. Plans of the kind spots are carried out with
+    /// the panel near the sample, where it catches the first orders.
+    #[schema(value_type = Option<Object>)]
+    plan: Option<Value>,
+}
+
 /// Starts a session with results of a simulated sample. It runs beside the bench and moves no device.
 #[utoipa::path(post, path = "/api/v1/samples/{kind}/sessions", tag = "samples", operation_id = "try_sample",
-    params(("kind" = String, Path, description = "A `kind` of the list")), request_body = devices::Nothing,
+    params(("kind" = String, Path, description = "A `kind` of the list")), request_body = Trial,
     responses((status = 202, body = super::session_doc::SessionDoc, headers(("Location" = String, description = "The session"))),
-        (status = 404, body = Problem), (status = 409, body = Problem)))]
+        (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
 pub async fn begin(
     State(app): State<Arc<App>>,
     At(kind): At<String>,
-    Body(_nothing): Body<devices::Nothing>,
+    Body(Trial { plan: asked }): Body<Trial>,
 ) -> Answer<Response> {
     let kind = named(&kind)?;
     if app.stores.is_full() {
         return Err(Problem::full());
     }
-    let plan = plan(kind)?;
+    let plan = match asked {
+        Some(asked) => PlanBody::from(asked).plan()?,
+        None => plan(kind)?,
+    };
+    let limits = limits(&bench(kind, plan.kind));
+    let problems = plan.check_limits(&limits);
+    if !problems.is_empty() {
+        return Err(Problem::bad(problems.join("; ")).remedy("change the plan"));
+    }
     let id = super::new_id();
     let expected = {
         let plan = plan.clone();
-        blocking(move || Ok(Expected::of(&plan, EXPOSURE, &limits(kind)))).await?
+        blocking(move || Ok(Expected::of(&plan, EXPOSURE, &limits))).await?
     };
     let run = Arc::new(Run::new(id.clone(), app.session_folder(&id)?, plan, expected));
     start(&app, &run, kind, true)?;
@@ -190,7 +217,7 @@ pub fn start(app: &Arc<App>, run: &Arc<Run>, kind: SampleKind, new: bool) -> Ans
 
 fn perform(run: &Run, kind: SampleKind, new: bool) -> Result<(), Failure> {
     let runtime = runtime()?;
-    let place = SimulatedBench::Here { config: Box::new(bench(kind)), real_time: true }.into();
+    let place = SimulatedBench::Here { config: Box::new(bench(kind, run.plan.kind)), real_time: true }.into();
     let mut rig = Rig::open(&runtime, &place, Uses::SESSION, &Silent, &Stop::default())?;
     capture(run, &runtime, &mut rig, new);
     Ok(())
@@ -201,23 +228,30 @@ fn named(name: &str) -> Answer<SampleKind> {
     kind.ok_or_else(|| Problem::not_found("such sample").remedy("GET /api/v1/samples lists them"))
 }
 
-/// Bench of a sample.
-fn bench(kind: SampleKind) -> BenchConfig {
-    BenchConfig {
+/// Bench of a sample for a kind of plan.
+fn bench(kind: SampleKind, plan: PlanKind) -> BenchConfig {
+    let near = plan == PlanKind::Spots;
+    let side = if near { FRINGES_SIDE } else { SIDE };
+    let mut bench = BenchConfig {
         sample: SampleConfig { kind, ..SampleConfig::default() },
-        camera: CameraConfig { width: SIDE, height: SIDE, ..CameraConfig::default() },
+        camera: CameraConfig { width: side, height: side, ..CameraConfig::default() },
         ..BenchConfig::default()
+    };
+    if near {
+        bench.geometry.distance_mm = NEAR_MM;
+        bench.panel.size_mm = NEAR_PANEL_MM;
     }
+    bench
 }
 
 /// The sample whose bench this is.
 pub fn kind_of(config: &BenchConfig) -> Option<SampleKind> {
     let kind = config.sample.kind;
-    (bench(kind) == *config).then_some(kind)
+    [PlanKind::Polarization, PlanKind::Spots].iter().any(|plan| bench(kind, *plan) == *config).then_some(kind)
 }
 
-fn limits(kind: SampleKind) -> Limits {
-    let devices = nacre_sim::describe(&bench(kind));
+fn limits(bench: &BenchConfig) -> Limits {
+    let devices = nacre_sim::describe(bench);
     Limits { stage: devices.stage, camera: devices.camera, display: devices.display, flash: Some(devices.flash) }
 }
 
@@ -232,7 +266,7 @@ fn plan(kind: SampleKind) -> Answer<Plan> {
 
 /// RGB bytes of a sample's picture.
 fn drawn(kind: SampleKind, side: usize) -> Vec<u8> {
-    let config = bench(kind);
+    let config = bench(kind, PlanKind::Polarization);
     let sample = Sample::new(&config.sample, config.seed);
     let (palette, field) = (Palette::default().table(), sample.field_mm());
     let at = |k: usize| ((k as f64 + 0.5) / (side * POINTS) as f64 - 0.5) * field;
@@ -257,7 +291,7 @@ fn drawn(kind: SampleKind, side: usize) -> Vec<u8> {
 /// Grey levels of the photographs in a row.
 fn photographed(kind: SampleKind) -> Answer<Vec<u8>> {
     let camera = CameraConfig { width: PHOTOGRAPH, height: PHOTOGRAPH, ..CameraConfig::default() };
-    let config = BenchConfig { camera, ..bench(kind) };
+    let config = BenchConfig { camera, ..bench(kind, PlanKind::Polarization) };
     let mut bench = Bench::new(&config, &Silent).map_err(Failure::from)?;
     let pattern = Pattern::Disc { center_mm: [0.0; 2], diameter_mm: config.disc_mm() };
     bench.shine(Shining { pattern, flash: false, covered: false }, Duration::ZERO);
@@ -296,8 +330,10 @@ mod tests {
         let mut pictures: Vec<Vec<u8>> = vec![];
         for kind in SampleKind::ALL {
             let plan = plan(kind).unwrap();
-            assert_eq!(plan.check_limits(&limits(kind)), [""; 0], "{kind:?}");
-            assert_eq!(kind_of(&bench(kind)), Some(kind));
+            for of in [PlanKind::Polarization, PlanKind::Spots] {
+                assert_eq!(kind_of(&bench(kind, of)), Some(kind));
+            }
+            assert_eq!(plan.check_limits(&limits(&bench(kind, plan.kind))), [""; 0], "{kind:?}");
             let picture = drawn(kind, 24);
             assert!(picture.chunks(3).any(|rgb| rgb != &picture[..3]), "{kind:?} is uniform");
             assert!(!pictures.contains(&picture), "{kind:?}");

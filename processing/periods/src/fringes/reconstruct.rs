@@ -7,7 +7,7 @@ use super::optics::Optics;
 use super::output::Output;
 use super::polarization::Orientations;
 use super::pose::of_geometry;
-use super::report::{Counts, Report, Seconds};
+use super::report::{Counts, PixelResidual, Report, Seconds};
 use super::scan::{Found, aperture, scan};
 use super::settings::Settings;
 use super::signals::{Carrier, Signals, carriers};
@@ -22,6 +22,9 @@ use nacre_image::OutputFolder;
 use nacre_image::budget;
 use std::path::Path;
 use std::time::Instant;
+
+/// Most pixels that the report lists for their residuals.
+const WORST: usize = 10;
 
 /// Validates the input of [`reconstruct`] without reading pixels, and predicts the work.
 ///
@@ -113,6 +116,7 @@ pub(super) fn solve_into(
         orientation_common_sigma_deg: turn_sigma.to_degrees(),
         mirror_offset_deg: offset[0].zip(offset[1]).map(|(x, y)| [x, y]),
         residual: median(resolved().map(|g| g.residual).collect::<Vec<_>>()),
+        worst: worst(&found, width),
         aperture_mm: optics.aperture_mm,
         response: signals.response,
         discs,
@@ -178,6 +182,20 @@ pub(super) fn demands(settings: &Settings, shown: &[Carrier], signals: &Signals)
 fn alias(shown: &[Carrier], signals: &Signals) -> f64 {
     let phases = shown.iter().map(|c| c.frames.len()).min().unwrap_or(3) as u32;
     (signals.response.harmonic(phases - 1) / signals.response.harmonic(1)).abs()
+}
+
+/// Resolved pixels with the largest residuals.
+fn worst(found: &Found, width: usize) -> Vec<PixelResidual> {
+    let resolved = found.verdicts.iter().zip(&found.gratings).enumerate();
+    let residuals =
+        resolved.filter(|(_, (verdict, _))| **verdict == Verdict::Resolved).filter_map(|(i, (_, grating))| {
+            let residual = grating.as_ref()?.residual;
+            Some(PixelResidual { x: i % width, y: i / width, residual })
+        });
+    let mut all: Vec<PixelResidual> = residuals.collect();
+    all.sort_by(|a, b| b.residual.total_cmp(&a.residual));
+    all.truncate(WORST);
+    all
 }
 
 fn counts(found: &Found) -> Counts {

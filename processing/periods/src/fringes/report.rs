@@ -50,6 +50,8 @@ pub struct Report {
     pub mirror_offset_deg: Option<[f64; 2]>,
     /// Median reduced χ².
     pub residual: Option<f64>,
+    /// Pixels with the largest reduced χ² among those resolved, at most ten, largest first.
+    pub worst: Vec<PixelResidual>,
     /// Estimated or given diameter of the aperture in mm.
     pub aperture_mm: f64,
     /// Response of the panel.
@@ -62,6 +64,17 @@ pub struct Report {
     pub polarization: Option<super::polarization::PolarizationVerification>,
     /// Computation times.
     pub seconds: Seconds,
+}
+
+/// Residual of a pixel.
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+pub struct PixelResidual {
+    /// Column, from the left.
+    pub x: usize,
+    /// Row, from the top.
+    pub y: usize,
+    /// Reduced χ².
+    pub residual: f64,
 }
 
 /// Number of pixels by classification.
