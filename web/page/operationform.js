@@ -206,6 +206,15 @@ function structure(id, schema, given, root, without = []) {
 }
 
 /**
+ * The form of a structure of a schema; `root` holds its definitions.
+ * @param {string} name
+ * @param {object} schema
+ * @param {Record<string, any>} given
+ * @param {object} root
+ */
+export const schemaForm = (name, schema, given, root) => structure(name, schema, given, root);
+
+/**
  * The form of an operation, as an earlier one left it if there is one; `options()` is what the service takes.
  * @param {string} name
  * @param {Record<string, any>} [given]

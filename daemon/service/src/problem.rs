@@ -43,6 +43,8 @@ pub enum Kind {
     Conflict,
     /// Another client or session has the devices.
     Busy,
+    /// The resource was changed after the client read it.
+    Outdated,
     /// The request exceeds the size limit.
     TooLarge,
     /// The request arrives too slowly.
@@ -74,6 +76,7 @@ impl Kind {
             Self::NotFound => (StatusCode::NOT_FOUND, "not-found", "There is no such thing"),
             Self::Conflict => (StatusCode::CONFLICT, "conflict", "It does not fit the state"),
             Self::Busy => (StatusCode::CONFLICT, "busy", "The devices are in use"),
+            Self::Outdated => (StatusCode::PRECONDITION_FAILED, "outdated", "It was changed meanwhile"),
             Self::TooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "too-large", "Too large"),
             Self::Slow => (StatusCode::REQUEST_TIMEOUT, "slow", "Too slow"),
             Self::TooMany => (StatusCode::TOO_MANY_REQUESTS, "too-many", "Too many at once"),
