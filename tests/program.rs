@@ -42,6 +42,7 @@ mod reported_errors;
 mod resume;
 mod salvage;
 mod service;
+mod settings;
 mod soak;
 mod spots;
 mod trust;

@@ -121,7 +121,8 @@ watch(({ devices, jobs, reachable, problem, since }) => {
   if (!devices) return;
   const open = devices.interlocks.filter((i) => i.holds === false);
   if (open.length) return paint("warn", `Interlock open: ${open.map((i) => i.id).join(", ")}`, devices, jobs);
-  paint(...(ACTIVITY[devices.activity] ?? ["quiet", devices.activity]), devices, jobs);
+  const [tone, text] = ACTIVITY[devices.activity] ?? ["quiet", devices.activity];
+  paint(tone, text, devices, jobs);
 });
 
 /**

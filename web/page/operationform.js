@@ -3,7 +3,7 @@
 import { get } from "./api.js";
 import { check, field, h, number, select } from "./dom.js";
 
-const UNITS = { nm: "nm", um: "µm", mm: "mm", m: "m", deg: "°", px: "pixels" };
+const UNITS = { nm: "nm", um: "µm", mm: "mm", m: "m", deg: "°", px: "pixels", s: "s", ms: "ms", days: "days", kib: "KiB", mib: "MiB" };
 /** @type {Map<string, Offered>} */
 const offered = new Map();
 

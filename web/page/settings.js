@@ -1,7 +1,7 @@
 // #/settings: the configuration of the service, as a form and as TOML text.
 
 import { get, post, send } from "./api.js";
-import { facts, field, h, panel, say, segments, settle } from "./dom.js";
+import { facts, field, h, panel, say, scrolling, segments, settle } from "./dom.js";
 import { complain, tell } from "./feedback.js";
 import { schemaForm } from "./operationform.js";
 import { onReturn } from "./service.js";
@@ -32,7 +32,7 @@ export async function settingsPage(main, { signal }) {
   const ways = segments("Edit as", [["form", "Form"], ["text", "TOML"]], way, change);
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Settings"), checking, saving),
     h("div", { class: "columns planning" }, panel("Configuration", ways, editor),
-      h("div", { class: "stack" }, panel("File", null, about), panel("Effects", null, outcome))));
+      h("div", { class: "stack beside" }, panel("File", null, about), panel("Effects", null, outcome))));
 
   /** @type {() => Record<string, any>} */
   let values = () => draft.values;
@@ -155,19 +155,22 @@ export async function settingsPage(main, { signal }) {
     const changed = checked.text !== saved.doc.text;
     saving.disabled = !changed || Boolean(checked.problem);
     about.replaceChildren(facts([["Path", file], ["State", exists ? (changed ? "changed here, not saved" : "as shown") : "not there yet"]]),
-      exists ? null : h("p", { class: "soft" }, "The service runs without a configuration file. “Save” makes this one; later starts read it with ", h("code", {}, `nacre serve --config ${file}`), "."),
-      overridden.length > 0 && h("div", {}, h("h3", {}, "Overridden by the command line or the machine"), table(overridden, false)));
+      ...present([!exists && h("p", { class: "soft" }, "The service runs without a configuration file. “Save” makes this one; later starts read it with ", h("code", {}, `nacre serve --config ${file}`), "."),
+      overridden.length > 0 && h("div", {}, h("h3", {}, "Overridden by the command line or the machine"), table(overridden, false))]));
     const now = checked.changes.filter((one) => one.at_once);
     const restart = checked.changes.filter((one) => !one.at_once);
-    outcome.replaceChildren(...[
+    outcome.replaceChildren(...present([
       checked.problem && message("bad", "This cannot be used", checked.problem),
       asked && !checked.problem && message("good", "The configuration is valid", changed ? "It is not saved yet." : ""),
       now.length > 0 && h("div", {}, h("h3", {}, "When it is saved"), table(now, true)),
       restart.length > 0 && h("div", {}, h("h3", {}, "After a restart of the service"), table(restart, true)),
       !checked.problem && !checked.changes.length && h("p", { class: "soft" }, "Nothing differs from the configuration in use."),
-    ].filter((part) => part instanceof Node));
+    ]));
   }
 }
+
+/** Those of several parts that there are. */
+const present = (/** @type {(Element | false | "" | null)[]} */ parts) => /** @type {Element[]} */ (parts.filter(Boolean));
 
 const section = (/** @type {string} */ title, /** @type {Child[]} */ ...children) => h("fieldset", { class: "stack section" }, h("legend", {}, title), ...children);
 
@@ -186,5 +189,5 @@ function table(changes, fromText) {
     return h("tr", {}, h("th", { scope: "row" }, h("code", {}, key)), h("td", {}, value(from)), h("td", {}, value(to)));
   };
   const heads = fromText ? ["In use", "New"] : ["File", "In use"];
-  return h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": heads.join(", ") }, h("table", { class: "changes" }, h("thead", {}, h("tr", {}, ["Key", ...heads].map((head) => h("th", { scope: "col" }, head)))), h("tbody", {}, changes.map(row))));
+  return scrolling(heads.join(", "), h("table", { class: "changes" }, h("thead", {}, h("tr", {}, ["Key", ...heads].map((head) => h("th", { scope: "col" }, head)))), h("tbody", {}, changes.map(row))));
 }

@@ -314,7 +314,7 @@ pub async fn serve(
 /// `not-found` otherwise.
 pub fn check_id(id: &str) -> Answer<()> {
     let plain = id.len() == 26 && id.bytes().all(|b| b.is_ascii_digit() || b.is_ascii_uppercase());
-    if plain { Ok(()) } else { Err(Problem::not_found("such thing")) }
+    if plain { Ok(()) } else { Err(Problem::not_found("entry with this id")) }
 }
 
 /// Ids of the same millisecond increase, too.

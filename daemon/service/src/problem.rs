@@ -73,7 +73,7 @@ impl Kind {
     fn parts(self) -> (StatusCode, &'static str, &'static str) {
         match self {
             Self::BadRequest => (StatusCode::BAD_REQUEST, "bad-request", "The request cannot be used"),
-            Self::NotFound => (StatusCode::NOT_FOUND, "not-found", "There is no such thing"),
+            Self::NotFound => (StatusCode::NOT_FOUND, "not-found", "Not found"),
             Self::Conflict => (StatusCode::CONFLICT, "conflict", "It does not fit the state"),
             Self::Busy => (StatusCode::CONFLICT, "busy", "The devices are in use"),
             Self::Outdated => (StatusCode::PRECONDITION_FAILED, "outdated", "It was changed meanwhile"),

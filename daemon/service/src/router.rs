@@ -168,7 +168,7 @@ const REFUSALS: &[(&str, &str)] = &[
     ("400", "Something in the request cannot be used"),
     ("401", "A token is needed"),
     ("403", "The token's role does not allow it, or the request comes from elsewhere"),
-    ("404", "There is no such thing"),
+    ("404", "Not found"),
     ("408", "The request came too slowly"),
     ("409", "It does not fit the state"),
     ("412", "It was changed meanwhile"),
