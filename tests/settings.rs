@@ -40,7 +40,8 @@ fn the_configuration_is_changed_on_the_page() {
     set(&browser, "limits-limits-trash-days", "9");
     set(&browser, "limits-limits-requests", "32");
     says(&browser, "#settings-outcome", "After a restart");
-    let effects = browser.run("return [...document.querySelectorAll('#settings-outcome table')].map((t) => t.innerText)");
+    let effects =
+        browser.run("return [...document.querySelectorAll('#settings-outcome table')].map((t) => t.innerText)");
     assert!(effects[0].as_str().unwrap().contains("limits.trash_days"), "{effects}");
     assert!(effects[1].as_str().unwrap().contains("limits.requests"), "{effects}");
     browser.click("#settings-check");
@@ -94,7 +95,9 @@ fn settings_are_for_administrators_and_need_the_version_of_the_file() {
     let check = |body: Value| service.post("/api/v1/settings/check", &body);
     let checked = check(json!({ "text": CONFIG, "values": { "limits": { "trash_days": 2 } } })).expect(200).json();
     assert_eq!(checked["text"], "# Bench of room 3\n\n[limits]\ntrash_days = 2 # a small disk\n");
-    assert!(check(json!({ "text": "[bench]\nsim = 3" })).expect(200).json()["problem"].to_string().contains("bench.sim"));
+    assert!(
+        check(json!({ "text": "[bench]\nsim = 3" })).expect(200).json()["problem"].to_string().contains("bench.sim")
+    );
     let schema = service.get("/api/v1/settings/schema").expect(200).json();
     assert!(schema["properties"]["listen"]["description"].is_string());
 
@@ -145,5 +148,6 @@ fn waiting_jobs_are_seen_moved_and_cancelled() {
         browser.click(&format!("[data-job=\"{id}\"] button[aria-label^=Cancel]"));
     }
     says(&browser, "main", "Nothing is running or waiting.");
-    browser.until("document.querySelectorAll('.lamp[data-tone=warn]').length === 3 && !document.querySelector('#jobs')");
+    browser
+        .until("document.querySelectorAll('.lamp[data-tone=warn]').length === 3 && !document.querySelector('#jobs')");
 }

@@ -184,8 +184,15 @@ mod tests {
             assert!(name.bytes().all(|b| b.is_ascii_lowercase()), "{path}: a name of letters a to z is needed");
             for (k, line) in source.lines().enumerate() {
                 let at = format!("{path}, line {}: {line}", k + 1);
-                assert_eq!(line.matches('`').count() % 2, 0, "{at}: a template over several lines would lose its indentation");
-                assert!(!line.starts_with("import") || import(line).is_some(), "{at}: import {{ a, b as c }} from \"./x.js\"; is linked");
+                assert_eq!(
+                    line.matches('`').count() % 2,
+                    0,
+                    "{at}: a template over several lines would lose its indentation"
+                );
+                assert!(
+                    !line.starts_with("import") || import(line).is_some(),
+                    "{at}: import {{ a, b as c }} from \"./x.js\"; is linked"
+                );
                 let export = line.strip_prefix("export").map(|rest| declared(rest.trim_start()));
                 assert_ne!(export, Some(None), "{at}: functions, classes and const are exported");
                 let dynamic = line.matches("import(\"./").count() - line.matches("{import(\"./").count();
@@ -211,10 +218,16 @@ mod tests {
     #[test]
     fn shared_modules_run_once() {
         let modules = Modules::read([
-            ("app", "import { a as b } from \"./a.js\";\n// said\nconst v = async () => (await import(\"./view.js\")).v(b);\n"),
+            (
+                "app",
+                "import { a as b } from \"./a.js\";\n// said\nconst v = async () => (await import(\"./view.js\")).v(b);\n",
+            ),
             ("a", "/** A.\n * more */\nexport const a = 1;\n"),
             ("view", "import { a } from \"./a.js\";\nimport { s } from \"./shared.js\";\nexport function v() {}\n"),
-            ("map", "import { s } from \"./shared.js\";\nimport { v } from \"./view.js\";\nexport class M {}\nconst t = await import(\"./view.js\");"),
+            (
+                "map",
+                "import { s } from \"./shared.js\";\nimport { v } from \"./view.js\";\nexport class M {}\nconst t = await import(\"./view.js\");",
+            ),
             ("other", "export const o = await import(\"./map.js\");\n"),
             ("shared", "export const s = 2;\n"),
         ]);
@@ -235,7 +248,10 @@ mod tests {
         ]);
         let page = both.page("app");
         assert!(page["app"].contains("$shared = ") && !page["view"].contains("$shared = "), "{page:?}");
-        assert!(page["map"].contains("import { $shared } from \"./app.js\";\nimport { $view } from \"./view.js\";"), "{page:?}");
+        assert!(
+            page["map"].contains("import { $shared } from \"./app.js\";\nimport { $view } from \"./view.js\";"),
+            "{page:?}"
+        );
         let whole = modules.whole("other");
         assert!(whole.find("$view = ") < whole.find("$map = ") && whole.contains("o = $map;"), "{whole}");
     }

@@ -17,8 +17,7 @@ use std::sync::Arc;
 pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let path = request.uri().path();
     let (method, headers, config) = (request.method(), request.headers(), app.config());
-    let result =
-        allowed_here(&config, method, path, headers).and_then(|()| allowed_to(&config, method, path, headers));
+    let result = allowed_here(&config, method, path, headers).and_then(|()| allowed_to(&config, method, path, headers));
     let mut response = match result {
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),

@@ -147,7 +147,8 @@ impl Config {
     /// `Input`, naming the key, for unknown keys and invalid values.
     pub fn read(path: Option<&Path>) -> Result<Self, Error> {
         const LIMIT: u64 = 1 << 20;
-        let text = path.map(|path| read_text(path, LIMIT, "give a configuration that `nacre init` made")).transpose()?;
+        let text =
+            path.map(|path| read_text(path, LIMIT, "give a configuration that `nacre init` made")).transpose()?;
         let problem = |problem| Error::input(name(path), problem, "`nacre schema config` lists all keys");
         Self::of(text.as_deref()).map_err(problem)
     }

@@ -48,14 +48,12 @@ impl Settings {
 
 /// A key whose value differs.
 #[derive(Debug, PartialEq, Serialize, ToSchema)]
-pub struct Change {
+pub struct SettingsChange {
     /// The key, such as `limits.trash_days`.
     key: String,
     /// Value in use.
-    #[schema(value_type = Object)]
     from: Value,
     /// Value of the text.
-    #[schema(value_type = Object)]
     to: Value,
     /// Whether it takes effect when it is saved, or after a restart.
     at_once: bool,
@@ -63,16 +61,16 @@ pub struct Change {
 
 /// A configuration as text, with its effects.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Checked {
+pub struct CheckedSettings {
     /// TOML text.
     text: String,
     /// Values that the text gives; null if it cannot be read.
-    #[schema(value_type = Object)]
+    #[schema(value_type = Option<Object>)]
     values: Value,
     /// Reason why it cannot be used.
     problem: Option<String>,
     /// Differences from the configuration in use.
-    changes: Vec<Change>,
+    changes: Vec<SettingsChange>,
 }
 
 /// The configuration file, with its effects.
@@ -83,9 +81,9 @@ pub struct SettingsDoc {
     /// Whether the file exists.
     exists: bool,
     #[serde(flatten)]
-    checked: Checked,
+    checked: CheckedSettings,
     /// Keys that options of the command line or limits of the machine override, with their values in use as `to`.
-    overridden: Vec<Change>,
+    overridden: Vec<SettingsChange>,
     /// Name of the copy of the file before this change.
     #[serde(skip_serializing_if = "Option::is_none")]
     backup: Option<String>,
@@ -94,7 +92,7 @@ pub struct SettingsDoc {
 /// A text to check, or to change first.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Draft {
+pub struct SettingsDraft {
     /// TOML text.
     text: String,
     /// Values that replace those of the text; its comments are kept.
@@ -120,8 +118,8 @@ pub async fn schema() -> Json<Value> {
 
 /// Checks a configuration without saving it.
 #[utoipa::path(post, path = "/api/v1/settings/check", tag = "service", operation_id = "check_settings",
-    request_body = Draft, responses((status = 200, body = Checked), (status = 400, body = Problem)))]
-pub async fn check(State(app): State<Arc<App>>, Body(draft): Body<Draft>) -> Answer<Json<Checked>> {
+    request_body = SettingsDraft, responses((status = 200, body = CheckedSettings), (status = 400, body = Problem)))]
+pub async fn check(State(app): State<Arc<App>>, Body(draft): Body<SettingsDraft>) -> Answer<Json<CheckedSettings>> {
     let text = match &draft.values {
         Some(wanted) => with_values(&draft.text, wanted, &json!(Config::default())).map_err(Problem::bad)?,
         None => draft.text,
@@ -131,9 +129,13 @@ pub async fn check(State(app): State<Arc<App>>, Body(draft): Body<Draft>) -> Ans
 
 /// Saves the configuration, with a copy of the file before. Needs the version of the file in `If-Match`.
 #[utoipa::path(put, path = "/api/v1/settings", tag = "service", operation_id = "save_settings",
-    request_body = Draft, params(("If-Match" = String, Header, description = "ETag of the file that was changed")),
+    request_body = SettingsDraft, params(("If-Match" = String, Header, description = "ETag of the file that was changed")),
     responses((status = 200, body = SettingsDoc), (status = 400, body = Problem), (status = 412, body = Problem)))]
-pub async fn save(State(app): State<Arc<App>>, headers: HeaderMap, Body(draft): Body<Draft>) -> Answer<Response> {
+pub async fn save(
+    State(app): State<Arc<App>>,
+    headers: HeaderMap,
+    Body(draft): Body<SettingsDraft>,
+) -> Answer<Response> {
     let Some(version) = headers.get(header::IF_MATCH).and_then(|value| value.to_str().ok()).map(str::to_owned) else {
         return Err(Problem::bad("the header If-Match is missing").remedy("give the ETag of the configuration"));
     };
@@ -176,7 +178,7 @@ fn taking_over(config: &Config, other: &Config) -> Config {
 }
 
 /// A text with its problem or its configuration.
-fn checked(app: &App, text: String) -> (Checked, Option<Config>) {
+fn checked(app: &App, text: String) -> (CheckedSettings, Option<Config>) {
     let running = app.config();
     let read = Config::of(Some(&text)).and_then(|config| {
         // The address may be that of an option of the command line.
@@ -188,9 +190,9 @@ fn checked(app: &App, text: String) -> (Checked, Option<Config>) {
     match read {
         Ok(config) => {
             let changes = differences(&app.settings.source().read, &config);
-            (Checked { text, values, problem: None, changes }, Some(config))
+            (CheckedSettings { text, values, problem: None, changes }, Some(config))
         }
-        Err(problem) => (Checked { text, values, problem: Some(problem), changes: vec![] }, None),
+        Err(problem) => (CheckedSettings { text, values, problem: Some(problem), changes: vec![] }, None),
     }
 }
 
@@ -198,7 +200,8 @@ fn document(app: &App, source: &Source, backup: Option<String>) -> Answer<Respon
     let bytes = read(&source.file)?;
     let etag = version(bytes.as_deref());
     let exists = bytes.is_some();
-    let text = String::from_utf8(bytes.unwrap_or_default()).map_err(|_| Problem::bad("the configuration is no text"))?;
+    let text =
+        String::from_utf8(bytes.unwrap_or_default()).map_err(|_| Problem::bad("the configuration is no text"))?;
     let (checked, _) = checked(app, text);
     let overridden = differences(&source.read, &app.config());
     let file = source.file.display().to_string();
@@ -248,7 +251,7 @@ fn write(file: &Path, expected: &str, text: &str) -> Answer<Option<String>> {
 }
 
 /// Keys whose values differ between two configurations.
-fn differences(from: &Config, to: &Config) -> Vec<Change> {
+fn differences(from: &Config, to: &Config) -> Vec<SettingsChange> {
     let [before, after] = [from, to].map(|config| {
         let mut keys = BTreeMap::new();
         leaves("", json!(config), &mut keys);
@@ -256,7 +259,7 @@ fn differences(from: &Config, to: &Config) -> Vec<Change> {
     });
     let keys = before.keys().chain(after.keys().filter(|key| !before.contains_key(*key)));
     let value = |keys: &BTreeMap<String, Value>, key: &String| keys.get(key).cloned().unwrap_or_default();
-    let changes = keys.map(|key| Change {
+    let changes = keys.map(|key| SettingsChange {
         key: key.clone(),
         from: value(&before, key),
         to: value(&after, key),
@@ -283,11 +286,12 @@ mod tests {
     #[test]
     fn some_keys_take_effect_at_once() {
         let text = "hosts = [\"a.lab\"]\nlisten = \"127.0.0.1:1\"\n[limits]\ntrash_days = 1\nrequests = 2\n[bench]\nsim = true\n\
-                    [[tokens]]\nname = \"a\"\nrole = \"view\"\nsha256 = \"" ;
+                    [[tokens]]\nname = \"a\"\nrole = \"view\"\nsha256 = \"";
         let text = format!("{text}{}\"\n", "0".repeat(64));
         let (before, next) = (Config::default(), Config::of(Some(&text)).unwrap());
         let changed = differences(&before, &next);
-        let keys = |at_once| changed.iter().filter(|c| c.at_once == at_once).map(|c| c.key.as_str()).collect::<Vec<_>>();
+        let keys =
+            |at_once| changed.iter().filter(|c| c.at_once == at_once).map(|c| c.key.as_str()).collect::<Vec<_>>();
         assert_eq!(keys(true), ["hosts", "limits.trash_days", "tokens"]);
         assert_eq!(keys(false), ["bench.sim", "limits.requests", "listen"]);
         let now = taking_over(&before, &next);
