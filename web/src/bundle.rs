@@ -1,9 +1,9 @@
 //! Linking of the page's modules into few scripts.
 //!
 //! The first script of a page holds all modules that it imports. A module that it imports later, with
-//! `await import("./x.js")`, begins a script of its own, which imports shared modules from the first script. Each module
-//! becomes a function with its own scope: `const $dom = (() => { …; return { h, svg }; })();`. Modules must not import
-//! each other in a circle, and use the one form of imports and exports that the page has.
+//! `await import("./x.js")`, begins another script, which imports shared modules from the first one. Each module
+//! becomes a function with a scope: `const $dom = (() => { …; return { h, svg }; })();`. Modules must not import each
+//! other in a circle, and use the one form of imports and exports that the page has.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -101,7 +101,7 @@ pub struct SettingsDraft {
     values: Option<Map<String, Value>>,
 }
 
-/// Reads the configuration file, and what differs from the configuration in use.
+/// Reads the configuration file, and its differences from the configuration in use.
 #[utoipa::path(get, path = "/api/v1/settings", tag = "service", operation_id = "settings",
     responses((status = 200, body = SettingsDoc, headers(("ETag" = String, description = "Version of the file")))))]
 pub async fn get(State(app): State<Arc<App>>) -> Answer<Response> {

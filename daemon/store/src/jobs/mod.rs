@@ -1,8 +1,8 @@
 //! Job queue of the service: work that outlives its request and the process that accepted it.
 //!
 //! All data is in `jobs.db`. The table `nacre_job` holds the jobs and their progress. The tables of `apalis` beside it
-//! hold *deliveries*: messages "run the next job" to the worker. A job and its delivery change in one transaction, and a
-//! delivery has no effect unless a job is queued. Therefore no job is lost or done twice, whenever the process is
+//! hold *deliveries*: messages "run the next job" to the worker. A job and its delivery change in one transaction, and
+//! a delivery has no effect unless a job is queued. Therefore no job is lost or done twice, whenever the process is
 //! killed. Our tables share one file with those of `apalis`, because SQLite's transactions over two files in WAL mode
 //! are not atomic.
 //!
