@@ -75,12 +75,28 @@ fn the_configuration_is_changed_on_the_page() {
 }
 
 #[test]
+fn a_service_without_a_configuration_says_where_it_is_saved() {
+    let Some(browser) = Browser::start() else { return };
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    browser.open(&format!("http://{}/#/settings", service.address));
+    says(&browser, "main", "The service runs without a configuration file.");
+    says(&browser, "main", "nacre serve --config");
+    set(&browser, "limits-limits-upload-days", "3");
+    says(&browser, "#settings-outcome", "limits.upload_days");
+    browser.click("#settings-save");
+    says(&browser, "#notices", "Saved.");
+    assert_eq!(std::fs::read_to_string(place.path("nacre.toml")).unwrap(), "[limits]\nupload_days = 3\n");
+    browser.until("!document.querySelector('main').innerText.includes('nacre serve --config')");
+}
+
+#[test]
 fn settings_are_for_administrators_and_need_the_version_of_the_file() {
     let place = Place::with_bench("", BENCH);
     std::fs::write(place.path("nacre.toml"), CONFIG).unwrap();
     let service = Service::start(&place, &["--config", &place.text("nacre.toml")]);
     let put = |headers: &[&str], text: &str| {
-        let headers = [&["Content-Type: application/json"], headers].concat();
+        let headers = [&["Content-Type: application/json"][..], headers].concat();
         service.send("PUT", "/api/v1/settings", &headers, json!({ "text": text }).to_string().as_bytes())
     };
     let found = service.get("/api/v1/settings").expect(200);
@@ -116,7 +132,7 @@ fn waiting_jobs_are_seen_moved_and_cancelled() {
     let Some(browser) = Browser::start() else { return };
     let place = Place::with_bench("", BENCH);
     let service = Service::start(&place, &[]);
-    let scene = service.upload(&[("kind", "", b"scene"), ("gallery", "", b"cd")]).expect(201).json();
+    let scene = service.upload(&[("kind", "", &b"scene"[..]), ("gallery", "", &b"cd"[..])]).expect(201).json();
     let ids: Vec<String> = (0..3)
         .map(|_| {
             let asked = json!({ "upload": scene["id"], "method": "render", "options": { "samples": 1_000_000, "max_error": 0.00001 } });
