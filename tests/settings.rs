@@ -109,8 +109,9 @@ fn settings_are_for_administrators_and_need_the_version_of_the_file() {
     assert!(put(&[&version], "a = [").expect(400).text().contains("line 1"));
     assert_eq!(std::fs::read_to_string(place.path("nacre.toml")).unwrap(), CONFIG);
     let check = |body: Value| service.post("/api/v1/settings/check", &body);
-    let checked = check(json!({ "text": CONFIG, "values": { "limits": { "trash_days": 2 } } })).expect(200).json();
-    assert_eq!(checked["text"], "# Bench of room 3\n\n[limits]\ntrash_days = 2 # a small disk\n");
+    let values = json!({ "hosts": ["bench.lab"], "limits": { "trash_days": 2 } });
+    let checked = check(json!({ "text": CONFIG, "values": values })).expect(200).json();
+    assert_eq!(checked["text"], CONFIG.replace("= 5", "= 2"));
     assert!(
         check(json!({ "text": "[bench]\nsim = 3" })).expect(200).json()["problem"].to_string().contains("bench.sim")
     );

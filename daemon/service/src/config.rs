@@ -224,7 +224,8 @@ fn explain(error: &figment::Error) -> String {
             let meant = near
                 .filter(|n| n.0 > 0.7)
                 .map_or_else(|| format!("there are {}", known.join(", ")), |n| format!("did you mean {}?", n.1));
-            let place = if key.is_empty() { String::new() } else { format!(" in {key}") };
+            let section = key.strip_suffix(found.as_str()).unwrap_or(&key).trim_end_matches('.');
+            let place = if section.is_empty() { String::new() } else { format!(" in {section}") };
             format!("unknown key {found}{place}; {meant}")
         }
         kind if key.is_empty() => kind.to_string(),
