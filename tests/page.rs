@@ -10,7 +10,7 @@ use serde_json::json;
 use std::time::Duration;
 
 /// Maximum number of bytes of a first load without data.
-const WEIGHT: u64 = 110_000;
+const WEIGHT: u64 = 125_000;
 
 /// Maximum number of requests of a first load without data.
 const REQUESTS: u64 = 9;

@@ -62,7 +62,7 @@ export async function settingsPage(main, { signal }) {
   /** Fills the open editor from the draft. */
   function show() {
     text.value = draft.text;
-    editor.replaceChildren(way === "form" ? form : field("TOML text", text, { hint: "Comments are kept. `nacre schema config` describes all keys." }));
+    editor.replaceChildren(way === "form" ? form : field("TOML text", text, { hint: "On the command line, nacre schema config describes all keys." }));
     if (way === "form") fillForm();
     paint(saved.doc);
   }
