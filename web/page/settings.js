@@ -85,7 +85,7 @@ export async function settingsPage(main, { signal }) {
       } }, "Remove"))));
     paintTokens();
     form.replaceChildren(
-      section("Service", service.element, field("Hosts", hosts, { hint: "Further names by which browsers reach the service, one a line. Behind a proxy that changes the port: https://NAME:PORT" })),
+      section("Service", service.element, field("Hosts", hosts, { hint: "Further names by which browsers reach the service, one a line. Behind a proxy that changes the port: the whole address of the page" })),
       section("Tokens", list, h("p", { class: "soft" }, tokens.length ? "" : "No token: only this machine reaches the service, and all its users may do everything. ", "To add a token, run ", h("code", {}, "nacre token NAME --role ROLE"), " and add the lines that it prints to the TOML text.")),
       section("Limits", limits.element), section("Bench", bench.element));
     values = () => {
