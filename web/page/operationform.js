@@ -90,7 +90,7 @@ function variants(id, schema, given, root) {
     if (words) return words.map(([name, label]) => ({ name, label, read: () => name, part: null }));
     const [tag, constant] = Object.entries(one.properties).find(([, inner]) => inner.const !== undefined) ?? [];
     if (tag) {
-      const form = structure(id, { ...one, properties: Object.fromEntries(Object.entries(one.properties).filter(([key]) => key !== tag)) }, given?.[tag] === constant.const ? given : {}, root);
+      const form = structure(`${id}-${constant.const}`, { ...one, properties: Object.fromEntries(Object.entries(one.properties).filter(([key]) => key !== tag)) }, given?.[tag] === constant.const ? given : {}, root);
       return [{ name: constant.const, label: spoken(constant.const), read: () => ({ [tag]: constant.const, ...form.value() }), part: form.element }];
     }
     const [name, property] = Object.entries(one.properties)[0];
