@@ -7,7 +7,8 @@ const where = (e) => `${e.tagName.toLowerCase()}${e.id ? `#${e.id}` : ""} "${(e.
 const nameOf = (e) => {
   const by = (e.getAttribute("aria-labelledby") ?? "").split(" ").filter(Boolean).map((id) => document.getElementById(id)?.textContent ?? "").join(" ");
   const labels = [...(e.labels ?? [])].map((l) => l.textContent).join(" ");
-  const within = /^(INPUT|SELECT|TEXTAREA|CANVAS)$/.test(e.tagName) ? "" : [e.textContent, ...[...e.querySelectorAll("img")].map((i) => i.alt)].join("");
+  // Text that is not displayed names nothing; SVG has no innerText.
+  const within = /^(INPUT|SELECT|TEXTAREA|CANVAS)$/.test(e.tagName) ? "" : [e.innerText ?? e.textContent, ...[...e.querySelectorAll("img")].map((i) => i.alt)].join("");
   return [by, e.getAttribute("aria-label"), labels, within, e.title].find((t) => t && t.trim()) ?? "";
 };
 const CONTROLS = "a[href], button, input, select, textarea, summary, [tabindex='0'], [role=button], [role=slider], [role=radio]";
@@ -30,6 +31,14 @@ for (const attribute of ["aria-describedby", "aria-labelledby", "aria-controls"]
     for (const id of e.getAttribute(attribute).split(" ")) if (!document.getElementById(id)) problems.push(`${where(e)}: ${attribute} names ${id}, which is not there`);
   }
 }
+
+for (const e of document.querySelectorAll("div[aria-label], span[aria-label], p[aria-label]")) if (!e.hasAttribute("role")) problems.push(`${where(e)} has an aria-label, but no role`);
+for (const e of all("*")) {
+  const scrolls = (e.scrollHeight > e.clientHeight + 1 && /auto|scroll/.test(getComputedStyle(e).overflowY)) || (e.scrollWidth > e.clientWidth + 1 && /auto|scroll/.test(getComputedStyle(e).overflowX));
+  if (scrolls && e !== document.documentElement && e.tabIndex < 0 && !e.querySelector("a[href], button:enabled, input:enabled, select:enabled, textarea, [tabindex='0']")) problems.push(`${where(e)} scrolls, but takes no focus`);
+}
+for (const e of all("body > :not(header, main, footer, nav, section[aria-label], script, noscript, .skip, .veil, dialog, [role])")) problems.push(`${where(e)} is outside of all landmarks`);
+if (document.documentElement.scrollWidth > innerWidth) problems.push(`the page is ${document.documentElement.scrollWidth} pixels wide in a window of ${innerWidth}`);
 
 // Colours are drawn and read back, so that every notation counts.
 const context = Object.assign(document.createElement("canvas"), { width: 1, height: 1 }).getContext("2d", { willReadFrequently: true });
@@ -64,8 +73,10 @@ while (texts.nextNode()) {
   if (found < (large ? 3 : 4.5)) problems.push(`${where(e)}: contrast ${found.toFixed(2)}`);
 }
 
-// Targets of 24 pixels (WCAG 2.2, 2.5.8); links within text, and boxes whose label is the target, are excepted there.
+// Targets of 24 pixels (WCAG 2.2, 2.5.8); links within text, and boxes whose label is the target, are excepted there. So are
+// marks of a chart, whose places are values; they are as large where there is room.
 for (const e of all("button, select, input, summary, [role=slider], [role=button]")) {
+  if (e.ownerSVGElement && innerWidth < 600) continue;
   const target = (e.tagName === "INPUT" && (e.closest("label") ?? (e.matches(".sr") && e.labels[0]))) || e;
   const { width, height } = target.getBoundingClientRect();
   if (width < 23.5 || height < 23.5) problems.push(`${where(e)} is ${Math.round(width)} by ${Math.round(height)} pixels`);

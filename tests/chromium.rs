@@ -154,6 +154,16 @@ impl Browser {
         decoded(text.as_str().unwrap())
     }
 
+    /// Gives the page the width of a phone, or of the window again.
+    pub fn phone(&self, narrow: bool) {
+        let size = json!({ "width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": false });
+        let (command, params) = match narrow {
+            true => ("Emulation.setDeviceMetricsOverride", size),
+            false => ("Emulation.clearDeviceMetricsOverride", json!({})),
+        };
+        self.call("POST", "/goog/cdp/execute", &json!({ "cmd": command, "params": params }));
+    }
+
     /// Sets the download folder, without a prompt.
     pub fn downloads_to(&self, folder: &Path) {
         let params = json!({ "behavior": "allow", "downloadPath": folder });

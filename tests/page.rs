@@ -10,7 +10,10 @@ use serde_json::json;
 use std::time::Duration;
 
 /// Maximum number of bytes of a first load without data.
-const WEIGHT: u64 = 500_000;
+const WEIGHT: u64 = 125_000;
+
+/// Maximum number of requests of a first load without data.
+const REQUESTS: u64 = 9;
 
 /// Maximum cumulative layout shift, as defined by Web Vitals.
 const SHIFT: f64 = 0.1;
@@ -25,12 +28,12 @@ fn every_page_is_accessible_light_and_stands_still() {
 
     browser.open(&format!("{url}/#/bench"));
     browser.until("document.querySelector('#preview')?.naturalWidth > 0");
-    let weight = browser.run(
-        "return performance.getEntriesByType('resource').filter((e) => !e.name.includes('/api/')).concat(performance.getEntriesByType('navigation'))
-            .reduce((sum, e) => sum + e.encodedBodySize + 300, 0)",
+    let load = browser.run(
+        "const all = performance.getEntriesByType('resource').filter((e) => !e.name.includes('/api/')).concat(performance.getEntriesByType('navigation'));
+            return [all.reduce((sum, e) => sum + e.encodedBodySize + 300, 0), all.length, Math.round(performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd)]",
     );
-    println!("first load: {weight} bytes");
-    assert!((100_000..WEIGHT).contains(&weight.as_u64().unwrap()), "{weight}");
+    println!("first load: {} bytes in {} requests, scripts done after {} ms", load[0], load[1], load[2]);
+    assert!((50_000..WEIGHT).contains(&load[0].as_u64().unwrap()) && load[1].as_u64().unwrap() <= REQUESTS, "{load}");
 
     let id = begin(&service, &plan(4, 10.0));
     finished(&service, &id);
@@ -52,6 +55,10 @@ fn every_page_is_accessible_light_and_stands_still() {
         ("calibrate/light".into(), "document.querySelector('#light-geometry')"),
         ("calibrate/panel".into(), "document.querySelector('#panel-light')"),
         ("render".into(), "document.body.innerText.includes('Rolled sheet')"),
+        ("queue".into(), "document.body.innerText.includes('Polarization of')"),
+        ("settings".into(), "document.querySelector('#limits-limits-trash-days')"),
+        ("nowhere".into(), "document.body.innerText.includes('no page at this address')"),
+        ("result/01ARZ3NDEKTSV4RRFFQ69G5FAV".into(), "document.body.innerText.includes('This result does not exist')"),
         (format!("session/{id}"), "document.querySelector('#session-state').textContent.includes('inished')"),
         (format!("result/{id}"), "document.querySelector('a[data-download=npy]')"),
         (format!("maps/{id}"), "document.querySelector('a[data-download=npy]')"),
@@ -77,6 +84,18 @@ fn every_page_is_accessible_light_and_stands_still() {
             assert_eq!(found[0], json!([]), "{page}, {theme}");
             assert!(found[1].as_u64() > Some(10) && found[2].as_u64() > Some(10), "{page} was not there: {found}");
         }
+        browser.phone(true);
+        let found = browser.run(include_str!("accessible.js"));
+        assert_eq!(found[0], json!([]), "{page}, phone");
+        browser.run("scrollTo(0, 0)");
+        let hidden = browser.run(
+            "return [...document.querySelectorAll('.nav a, #service a, #settings, #theme, #stop')].filter((e) => {
+                const { left, top, right, bottom } = e.getBoundingClientRect();
+                return !e.contains(document.elementFromPoint((left + right) / 2, (top + bottom) / 2));
+            }).map((e) => e.innerText)",
+        );
+        assert_eq!(hidden, json!([]), "{page}: navigation is hidden on a phone");
+        browser.phone(false);
     }
     // A result is found by words, and deleted.
     browser.open("about:blank");

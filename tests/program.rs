@@ -44,6 +44,7 @@ mod reported_errors;
 mod resume;
 mod salvage;
 mod service;
+mod settings;
 mod soak;
 mod spots;
 mod trust;

@@ -16,10 +16,10 @@ pub mod operations;
 
 pub use nacre_base::{Error, Result, error, fields, numeric, operation, progress, statistics, text};
 pub use nacre_brdf as surface;
+pub use nacre_calibrate as calibrate;
 pub use nacre_frames as frames;
 pub use nacre_frames::hdr;
 pub use nacre_image as image;
-pub use nacre_calibrate as calibrate;
 pub use nacre_inspect as inspect;
 pub use nacre_lut as pattern;
 pub use nacre_lut::{bokeh, foil};

@@ -9,11 +9,13 @@ import { calibratePage } from "./calibrate.js";
 import { chartsPage } from "./charts.js";
 import { newPage } from "./new.js";
 import { loadOperations } from "./operationform.js";
+import { queuePage } from "./queue.js";
 import { renderPage } from "./render.js";
 import { resultPage } from "./result.js";
 import { resultsPage } from "./results.js";
 import { sessionPage } from "./session.js";
 import { sessionsPage } from "./sessions.js";
+import { settingsPage } from "./settings.js";
 import { trashPage } from "./trash.js";
 import { uploadPage } from "./upload.js";
 
@@ -29,6 +31,8 @@ const ROUTES = {
   trash: ["Trash", trashPage],
   upload: ["Upload", uploadPage],
   render: ["Render", renderPage],
+  queue: ["Queue", queuePage],
+  settings: ["Settings", settingsPage],
   maps: ["Maps", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./mapspage.js")).mapsPage(...visit)],
   // The viewer with its shaders is as much as all else, and is fetched when it is wanted.
   view: ["View", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./view.js")).viewPage(...visit)],
@@ -43,10 +47,11 @@ let failed = false;
 async function route() {
   const [name, id] = location.hash.replace(/^#\/?/, "").split("/");
   if (location.hash === "#main") return main.focus();
-  if (!ROUTES[name]) return location.replace("#/bench");
+  if (!name) return location.replace("#/bench");
   leaving.abort();
   leaving = new AbortController();
   const { signal } = leaving;
+  if (!ROUTES[name]) return nowhere();
   const [title, page] = ROUTES[name];
   document.title = `${title} · Nacre`;
   const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll(".nav a"));
@@ -55,17 +60,42 @@ async function route() {
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  main.replaceChildren();
-  failed = false;
+  clear();
   try {
     if (FORMS.includes(name)) await loadOperations();
     await page(main, { id: decodeURIComponent(id ?? ""), signal });
   } catch (problem) {
     if (signal.aborted) return;
-    failed = true;
+    failed = problem.status !== 404;
     if (problem.slug === undefined) console.error(problem);
-    main.replaceChildren(h("div", { class: "head" }, h("h1", {}, title)), problemMessage(problem));
+    const gone = problem.status === 404 && id;
+    main.replaceChildren(h("div", { class: "head" }, h("h1", {}, title)),
+      gone ? h("div", { class: "message", role: "alert" }, h("strong", {}, `This ${name === "session" ? "session" : "result"} does not exist`), "It may have been deleted; the trash keeps what was deleted for some days.") : problemMessage(problem),
+      h("p", { class: "row ways" }, failed && h("button", { type: "button", onclick: route }, "Try again"), ...waysBack(name).map(([href, text]) => h("a", { class: "button", href }, text))));
   }
+}
+
+/** Empties the page. The focus does not stay at what is gone. */
+function clear() {
+  failed = false;
+  const inside = main.contains(document.activeElement);
+  main.replaceChildren();
+  if (inside) main.focus({ preventScroll: true });
+}
+
+/** Says that an address has no page. */
+function nowhere() {
+  document.title = "Unknown address · Nacre";
+  clear();
+  main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Unknown address")), h("p", {}, "There is no page at this address."),
+    h("p", { class: "row ways" }, waysBack("").map(([href, text]) => h("a", { class: "button", href }, text))));
+}
+
+/** Where to go from a page that could not be shown. */
+function waysBack(/** @type {string} */ name) {
+  const lists = [["#/sessions", "Sessions"], ["#/results", "Results"]];
+  if (["session", "result", "view", "maps"].includes(name)) return [...lists, ["#/trash", "Trash"]];
+  return [["#/bench", "Bench"], ...lists].filter(([href]) => href !== `#/${name}`);
 }
 
 // A page that could not be loaded is tried again as soon as there is hope; the others go on by themselves.
@@ -76,7 +106,7 @@ const ACTIVITY = { idle: ["good", "Idle"], manual: ["busy", "Manual control"], s
 const state = byId("service");
 const lost = byId("lost");
 
-watch(({ devices, reachable, problem, since }) => {
+watch(({ devices, jobs, reachable, problem, since }) => {
   lost.hidden = reachable !== false;
   if (reachable === false) {
     const time = new Date(since).toTimeString().slice(0, 8);
@@ -90,17 +120,26 @@ watch(({ devices, reachable, problem, since }) => {
   state.title = "";
   if (!devices) return;
   const open = devices.interlocks.filter((i) => i.holds === false);
-  if (open.length) return paint("warn", `Interlock open: ${open.map((i) => i.id).join(", ")}`, devices);
-  paint(...(ACTIVITY[devices.activity] ?? ["quiet", devices.activity]), devices);
+  if (open.length) return paint("warn", `Interlock open: ${open.map((i) => i.id).join(", ")}`, devices, jobs);
+  const [tone, text] = ACTIVITY[devices.activity] ?? ["quiet", devices.activity];
+  paint(tone, text, devices, jobs);
 });
 
-function paint(tone, text, devices) {
+/**
+ * @param {string} tone
+ * @param {string} text
+ * @param {Devices} [devices]
+ * @param {Job[] | null} [jobs]
+ */
+function paint(tone, text, devices, jobs) {
   state.dataset.tone = tone;
-  const key = [text, devices?.session, devices?.simulated].join();
+  const count = jobs?.length ?? 0;
+  const key = [text, devices?.session, devices?.simulated, count].join();
   if (state.dataset.key === key) return;
   state.dataset.key = key;
-  const link = devices?.session ? h("a", { href: `#/session/${devices.session}` }, text) : text;
-  state.replaceChildren(h("span", {}, link), ...(devices?.simulated ? [h("span", { class: "badge", title: "No real device is moved" }, "simulated")] : []));
+  state.replaceChildren(h("a", { href: devices?.session ? `#/session/${devices.session}` : "#/queue" }, text),
+    ...(count ? [h("a", { class: "badge", id: "jobs", href: "#/queue" }, count === 1 ? "1 job" : `${count} jobs`)] : []),
+    ...(devices?.simulated ? [h("span", { class: "badge", title: "No real device is moved" }, "simulated")] : []));
 }
 
 const stop = byId("stop");

@@ -63,6 +63,13 @@ export function panel(title, aside, ...children) {
   return h("section", { class: "panel", "aria-label": title }, h("header", {}, h("h2", {}, title), aside), ...children);
 }
 
+/**
+ * A part that scrolls when its content is large; the keyboard reaches it.
+ * @param {string} label
+ * @param {...Child} children
+ */
+export const scrolling = (label, ...children) => h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label }, ...children);
+
 let fields = 0;
 
 /**
@@ -72,10 +79,12 @@ let fields = 0;
  * @param {{ hint?: string | false | null, wide?: boolean }} options
  */
 export function field(label, control, { hint, wide } = {}) {
-  control.id ||= `field-${++fields}`;
-  const note = hint && h("small", { id: `${control.id}-hint` }, hint);
-  if (note) control.setAttribute("aria-describedby", note.id);
-  return h("div", { class: wide ? "field wide" : "field" }, h("label", { for: control.id }, label), control, note);
+  // Of several controls, the first one has the label.
+  const input = /** @type {HTMLElement} */ ((control.matches("div") && control.querySelector("input, select, textarea")) || control);
+  input.id ||= `field-${++fields}`;
+  const note = hint && h("small", { id: `${input.id}-hint` }, hint);
+  if (note) input.setAttribute("aria-describedby", note.id);
+  return h("div", { class: wide ? "field wide" : "field" }, h("label", { for: input.id }, label), control, note);
 }
 
 /**

@@ -3,7 +3,7 @@
 import { get } from "./api.js";
 import { check, field, h, number, select } from "./dom.js";
 
-const UNITS = { nm: "nm", um: "µm", mm: "mm", m: "m", deg: "°", px: "pixels" };
+const UNITS = { nm: "nm", um: "µm", mm: "mm", m: "m", deg: "°", px: "pixels", s: "s", ms: "ms", days: "days", kib: "KiB", mib: "MiB" };
 /** @type {Map<string, Offered>} */
 const offered = new Map();
 
@@ -90,7 +90,7 @@ function variants(id, schema, given, root) {
     if (words) return words.map(([name, label]) => ({ name, label, read: () => name, part: null }));
     const [tag, constant] = Object.entries(one.properties).find(([, inner]) => inner.const !== undefined) ?? [];
     if (tag) {
-      const form = structure(id, { ...one, properties: Object.fromEntries(Object.entries(one.properties).filter(([key]) => key !== tag)) }, given?.[tag] === constant.const ? given : {}, root);
+      const form = structure(`${id}-${constant.const}`, { ...one, properties: Object.fromEntries(Object.entries(one.properties).filter(([key]) => key !== tag)) }, given?.[tag] === constant.const ? given : {}, root);
       return [{ name: constant.const, label: spoken(constant.const), read: () => ({ [tag]: constant.const, ...form.value() }), part: form.element }];
     }
     const [name, property] = Object.entries(one.properties)[0];
@@ -204,6 +204,15 @@ function structure(id, schema, given, root, without = []) {
     },
   };
 }
+
+/**
+ * The form of a structure of a schema; `root` holds its definitions.
+ * @param {string} name
+ * @param {object} schema
+ * @param {Record<string, any>} given
+ * @param {object} root
+ */
+export const schemaForm = (name, schema, given, root) => structure(name, schema, given, root);
 
 /**
  * The form of an operation, as an earlier one left it if there is one; `options()` is what the service takes.

@@ -1,6 +1,6 @@
 // What the report says about a result, in the order in which it matters.
 
-import { facts, figures, h } from "./dom.js";
+import { facts, figures, h, scrolling } from "./dom.js";
 import { count, degrees, duration, fixed, percent, significant, words } from "./format.js";
 
 /** Warnings, the figures that count, and the rest as facts. */
@@ -55,7 +55,7 @@ export function reportView(report) {
 function modelTable(models) {
   const film = (m) => m.film && `r ${fixed(m.film.r, 3)}, ζ ${fixed(m.film.zeta_deg, 1)}°, Δn ${fixed(m.film.retardance_deg, 2)}°, axis ${fixed(m.film.axis_deg, 1)}°${m.film.front > 0 ? `, front ${fixed(m.film.front, 3)}` : ""}`;
   const center = (m) => m.center && `centre ${m.center.map((v) => fixed(v, 4)).join(", ")}`;
-  return h("div", { class: "scroll" }, h("table", {},
+  return scrolling("Models", h("table", {},
     h("caption", {}, "Models, simplest first: how much less likely than the best, how far the points lie off it, and how its orientations differ"),
     h("thead", {}, h("tr", {}, ["Model", "Behind", "Scatter / noise", "Differs by", "Found"].map((t) => h("th", { scope: "col" }, t)))),
     h("tbody", {}, models.map((m) => h("tr", {},

@@ -76,7 +76,7 @@ async function showProgress(main, job, signal) {
   const notify = notifyButton(`/reconstructions/${job.id}`, `#/result/${job.id}`);
   const seen = job.method === "render" ? soFar(job, signal) : null;
   const how = panel("Progress", h("div", { class: "row" }, notify, cancel, retry, readLog), h("div", { class: "stack" }, state, progress, error, log));
-  main.append(h("div", { class: "head" }, headingOf(job)),
+  main.append(h("div", { class: "head" }, headingOf(job), h("a", { class: "button", href: "#/queue" }, "Queue")),
     seen ? h("div", { class: "columns result" }, seen.element, how) : how);
   const paint = (/** @type {Job} */ now) => {
     const open = now.state === "queued" || now.state === "running";

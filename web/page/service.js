@@ -4,11 +4,13 @@ import { get, reach } from "./api.js";
 import { after, pause } from "./dom.js";
 
 const PERIOD_MS = 1000;
+/** Of how many periods the queue is read once. */
+const QUEUE = 3;
 const target = new EventTarget();
 
 /** What is known now. `reachable` is null before the first answer; `problem` is why devices could not be read. */
-/** @type {{ devices: Devices | null, reachable: boolean | null, problem: Error & { remedy?: string } | null, since: number }} */
-export const service = { devices: null, reachable: null, problem: null, since: 0 };
+/** @type {{ devices: Devices | null, jobs: Job[] | null, reachable: boolean | null, problem: Error & { remedy?: string } | null, since: number }} */
+export const service = { devices: null, jobs: null, reachable: null, problem: null, since: 0 };
 
 /**
  * Calls back now and at every change, until the signal fires.
@@ -64,10 +66,21 @@ export async function refresh() {
   }
 }
 
+/** Reads the jobs that run or wait now. */
+export async function refreshJobs() {
+  try {
+    service.jobs = await get("/queue", { signal: after(5000) });
+    target.dispatchEvent(new Event("change"));
+  } catch {
+    // Reading the devices says what is wrong.
+  }
+}
+
 /** Polls for ever. */
 export async function start() {
-  for (;;) {
+  for (let turn = 0; ; turn++) {
     await refresh();
+    if (turn % QUEUE === 0 && !document.hidden) await refreshJobs();
     await pause(PERIOD_MS);
   }
 }

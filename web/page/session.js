@@ -1,7 +1,7 @@
 // #/session/ID: a session while it runs and after.
 
 import { get, listen, makeDownload, picture, post, show } from "./api.js";
-import { facts, figures, h, panel, say, segments, settle } from "./dom.js";
+import { facts, figures, h, panel, say, scrolling, segments, settle } from "./dom.js";
 import { complain } from "./feedback.js";
 import { bytes, degrees, duration, fileName, happened, moment, percent, words } from "./format.js";
 import { course } from "./course.js";
@@ -96,9 +96,9 @@ export async function sessionPage(main, { id, signal }) {
 
   const forms = sessionForms(session, () => frames, signal);
   const repeat = h("a", { class: "button", href: "#/new", onclick: () => prepare(session.plan) }, "Repeat");
-  const tableHolder = h("div", { class: "scroll" });
+  const tableHolder = scrolling("Frames");
   const table = h("details", { ontoggle: () => table.open && paintFrames() }, h("summary", {}, "Frames"), tableHolder);
-  const fileHolder = h("div", { class: "scroll" });
+  const fileHolder = scrolling("Files");
   const files = h("details", { ontoggle: () => files.open && paintFiles() }, h("summary", {}, "Files"), fileHolder);
   main.append(
     h("div", { class: "head" }, heading(session.name, base), resultLink, repeat),

@@ -2,9 +2,15 @@
 //!
 //! The page loads nothing from other servers. It runs under the content security policy in [`POLICY`].
 
+mod bundle;
 mod standalone;
 
+use bundle::Modules;
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::io::Write;
 use std::sync::LazyLock;
 
 pub use standalone::standalone;
@@ -113,6 +119,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("remedy.js", SCRIPT),
     row!("render.js", SCRIPT),
     row!("rendering.js", SCRIPT),
+    row!("queue.js", SCRIPT),
     row!("report.js", SCRIPT),
     row!("result.js", SCRIPT),
     row!("results.js", SCRIPT),
@@ -120,6 +127,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("session.js", SCRIPT),
     row!("sessionforms.js", SCRIPT),
     row!("sessions.js", SCRIPT),
+    row!("settings.js", SCRIPT),
     row!("stage.js", SCRIPT),
     row!("steps.js", SCRIPT),
     row!("theme.js", SCRIPT),
@@ -157,23 +165,60 @@ pub fn document(path: &str) -> Option<String> {
     Some(String::from_utf8_lossy(document.bytes).replace("\"/assets/", &versioned))
 }
 
-/// Asset at a path that contains [`version`]. Its contents never change, so browsers may cache it indefinitely.
-pub fn versioned(path: &str) -> Option<Asset> {
-    let name = path.strip_prefix("/assets/")?.strip_prefix(version())?.strip_prefix('/')?;
-    asset(&format!("/assets/{name}"))
+/// A file with the same content in gzip format.
+#[derive(Debug)]
+pub struct Packed {
+    /// The file.
+    pub asset: Asset,
+    /// Its content in gzip format.
+    pub gzip: Vec<u8>,
 }
 
-/// Sixteen hexadecimal digits that change with any asset.
+/// File at a path that contains [`version`]: scripts with their modules, and all other assets. Its content never
+/// changes, so browsers may cache it indefinitely.
+pub fn versioned(path: &str) -> Option<&'static Packed> {
+    PACKED.get(path.strip_prefix("/assets/")?.strip_prefix(version())?.strip_prefix('/')?)
+}
+
+/// Sixteen hexadecimal digits that change with any file of the page.
 pub fn version() -> &'static str {
     static VERSION: LazyLock<String> = LazyLock::new(|| {
         let mut hasher = Sha256::new();
-        for (path, asset) in ASSETS {
+        for (path, file) in PACKED.iter() {
             hasher.update(path);
-            hasher.update(asset.bytes);
+            hasher.update(file.asset.bytes);
         }
         hasher.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
     });
     &VERSION
+}
+
+/// Modules of the page.
+fn modules() -> Modules {
+    Modules::read(ASSETS.iter().filter_map(|(path, asset)| {
+        let name = path.strip_prefix("/assets/")?.strip_suffix(".js")?;
+        Some((name, std::str::from_utf8(asset.bytes).ok()?))
+    }))
+}
+
+/// Files by name, without the modules that scripts contain.
+static PACKED: LazyLock<BTreeMap<String, Packed>> = LazyLock::new(|| {
+    let modules = modules();
+    let scripts = [modules.page("app"), modules.page("display")].into_iter().flatten();
+    let scripts = scripts.map(|(name, text)| {
+        let bytes: &'static [u8] = Box::leak(text.into_bytes().into_boxed_slice());
+        (format!("{name}.js"), Asset { bytes, content_type: SCRIPT })
+    });
+    let others = ASSETS.iter().filter(|(path, asset)| asset.content_type != SCRIPT || path.ends_with("/theme.js"));
+    let others = others.filter_map(|(path, asset)| Some((path.strip_prefix("/assets/")?.to_owned(), *asset)));
+    scripts.chain(others).map(|(name, asset)| (name, Packed { asset, gzip: gzip(asset.bytes) })).collect()
+});
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(vec![], Compression::best());
+    // Writing to memory cannot fail.
+    let _ = encoder.write_all(bytes);
+    encoder.finish().unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -186,8 +231,14 @@ mod tests {
         text.split(before).skip(1).filter_map(|rest| rest.split('"').next()).collect()
     }
 
-    fn text(path: &str) -> &'static str {
+    pub(crate) fn text(path: &str) -> &'static str {
         std::str::from_utf8(asset(path).expect(path).bytes).expect(path)
+    }
+
+    /// Paths and names of all scripts.
+    pub(crate) fn scripts() -> impl Iterator<Item = (&'static str, &'static str)> {
+        let name = |path: &'static str| Some((path, path.strip_prefix("/assets/")?.strip_suffix(".js")?));
+        ASSETS.iter().filter_map(move |(path, _)| name(path))
     }
 
     #[test]
@@ -202,10 +253,22 @@ mod tests {
                 assert!(versioned(&format!("/assets/{name}")).is_some(), "{name}");
             }
         }
-        assert_eq!(versioned("/assets/0000000000000000/app.js"), None);
-        assert_eq!(versioned("/assets/app.js"), None);
+        assert!(versioned("/assets/0000000000000000/app.js").is_none());
+        assert!(versioned("/assets/app.js").is_none());
         assert_eq!(document("/assets/app.js"), None);
         assert_eq!(version().len(), 16);
+    }
+
+    #[test]
+    fn the_viewer_is_loaded_only_for_views() {
+        let script = |name: &str| versioned(&format!("/assets/{}/{name}.js", version())).map(|file| file.asset.bytes);
+        let app = std::str::from_utf8(script("app").unwrap()).unwrap();
+        for later in ["view", "painter", "webgpu"] {
+            assert!(!app.contains(&format!("const ${later} = ")), "{later} is in the first script");
+            assert!(script(later).is_some(), "{later} has no script");
+        }
+        assert!(app.len() > 100_000 && script("dom").is_none(), "modules of the first script are not apart");
+        assert!(std::str::from_utf8(script("display").unwrap()).unwrap().contains("export { $"));
     }
 
     #[test]

@@ -120,6 +120,30 @@ interface Job {
     so_far?: { passes: number; of: number; noise: number | null; seconds_left: number } | null;
 }
 
+/** A key of the configuration whose values differ. */
+interface SettingsChange {
+    key: string;
+    from: any;
+    to: any;
+    at_once: boolean;
+}
+
+/** A configuration as text, with its effects. */
+interface CheckedSettings {
+    text: string;
+    values: Record<string, any> | null;
+    problem: string | null;
+    changes: SettingsChange[];
+}
+
+/** The file of the configuration. */
+interface SettingsDoc extends CheckedSettings {
+    file: string;
+    exists: boolean;
+    overridden: SettingsChange[];
+    backup?: string;
+}
+
 /** A deleted thing that can be restored. */
 interface TrashItem {
     id: string;

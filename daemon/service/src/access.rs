@@ -16,9 +16,8 @@ use std::sync::Arc;
 /// Refuses requests from other origins and without the needed role, and adds security headers to the response.
 pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let path = request.uri().path();
-    let (method, headers) = (request.method(), request.headers());
-    let result =
-        allowed_here(&app.config, method, path, headers).and_then(|()| allowed_to(&app.config, method, path, headers));
+    let (method, headers, config) = (request.method(), request.headers(), app.config());
+    let result = allowed_here(&config, method, path, headers).and_then(|()| allowed_to(&config, method, path, headers));
     let mut response = match result {
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),
@@ -140,6 +139,8 @@ fn is_ours(config: &Config, name: &str) -> bool {
 /// The role that a request needs.
 fn needed(method: &Method, path: &str) -> Role {
     match *method {
+        // The configuration names folders, devices and hashes of tokens.
+        _ if path.starts_with("/api/v1/settings") => Role::Administer,
         // Renaming and restoring need the same role as deleting.
         Method::DELETE | Method::PATCH => Role::Administer,
         Method::POST if path.starts_with("/api/v1/trash/") => Role::Administer,
@@ -277,6 +278,9 @@ mod tests {
         }
         assert!(may("o", Method::POST, "/api/v1/sessions") && !may("o", Method::DELETE, "/api/v1/sessions/x"));
         for (method, path) in [(Method::PATCH, "/api/v1/sessions/x"), (Method::POST, "/api/v1/trash/x/restore")] {
+            assert!(!may("o", method.clone(), path) && may("a", method, path));
+        }
+        for (method, path) in [(Method::GET, "/api/v1/settings"), (Method::POST, "/api/v1/settings/check")] {
             assert!(!may("o", method.clone(), path) && may("a", method, path));
         }
         assert!(may("a", Method::DELETE, "/api/v1/sessions/x") && !may("nobody", Method::GET, "/api/v1/devices"));

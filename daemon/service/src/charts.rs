@@ -35,7 +35,7 @@ pub struct ChartFolder {
 #[utoipa::path(get, path = "/api/v1/charts", tag = "charts", operation_id = "list_charts",
     responses((status = 200, body = ChartList)))]
 pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<ChartList>> {
-    let place = app.config.data.join("charts");
+    let place = app.config().data.join("charts");
     Ok(Json(ChartList { items: blocking(move || Ok(folders(&place))).await? }))
 }
 
@@ -79,7 +79,7 @@ pub async fn file(
     At((folder, chart, file)): At<(String, String, String)>,
     wishes: HeaderMap,
 ) -> Answer<Response> {
-    let path = files::inside(&app.config.data.join("charts"), &format!("{folder}/{chart}/{file}"))?;
+    let path = files::inside(&app.config().data.join("charts"), &format!("{folder}/{chart}/{file}"))?;
     let kind = if path.extension().is_some_and(|e| e == "png") { "image/png" } else { files::BYTES };
     files::send(&path, kind, &wishes).await
 }

@@ -131,23 +131,40 @@ pub fn default_path() -> PathBuf {
     "nacre.toml".into()
 }
 
+/// Source of the configuration in use.
+#[derive(Clone, Debug, Default)]
+pub struct Source {
+    /// Its file; if the service was started without one, the file in which changes are saved.
+    pub file: PathBuf,
+    /// Its values from the file and the environment, without options of the command line.
+    pub read: Config,
+}
+
 impl Config {
     /// Reads a configuration; without a file, the defaults. Environment variables override both.
     ///
     /// # Errors
     /// `Input`, naming the key, for unknown keys and invalid values.
     pub fn read(path: Option<&Path>) -> Result<Self, Error> {
+        const LIMIT: u64 = 1 << 20;
+        let text =
+            path.map(|path| read_text(path, LIMIT, "give a configuration that `nacre init` made")).transpose()?;
+        let problem = |problem| Error::input(name(path), problem, "`nacre schema config` lists all keys");
+        Self::of(text.as_deref()).map_err(problem)
+    }
+
+    /// Configuration of a TOML text; see [`Config::read`].
+    ///
+    /// # Errors
+    /// The key and its problem, for unknown keys and invalid values.
+    pub fn of(text: Option<&str>) -> Result<Self, String> {
         let mut figment = Figment::from(Serialized::defaults(Self::default()));
-        if let Some(path) = path {
-            const LIMIT: u64 = 1 << 20;
-            let remedy = "give a configuration that `nacre init` made";
-            let text = read_text(path, LIMIT, remedy)?;
-            let table: toml::Table = from_toml(&text).map_err(|problem| Error::file(path, problem, remedy))?;
-            figment = figment.merge(Serialized::defaults(table));
+        if let Some(text) = text {
+            figment = figment.merge(Serialized::defaults(from_toml::<toml::Table>(text)?));
         }
         let config: Self =
-            figment.merge(Env::prefixed("NACRE_SERVE_").split("__")).extract().map_err(|e| explain(path, e))?;
-        config.check().map_err(|problem| Error::input(name(path), problem, "`nacre schema config` lists all keys"))?;
+            figment.merge(Env::prefixed("NACRE_SERVE_").split("__")).extract().map_err(|e| explain(&e))?;
+        config.check()?;
         Ok(config)
     }
 
@@ -198,22 +215,22 @@ fn name(path: Option<&Path>) -> String {
     path.map_or_else(|| "environment".into(), |p| p.display().to_string())
 }
 
-/// Error that names the key, and the known key that resembles it.
-fn explain(path: Option<&Path>, error: figment::Error) -> Error {
+/// Problem that names the key, and the known key that resembles it.
+fn explain(error: &figment::Error) -> String {
     let key = error.path.join(".");
-    let problem = match &error.kind {
+    match &error.kind {
         Kind::UnknownField(found, known) => {
             let near = known.iter().map(|k| (strsim::jaro_winkler(k, found), *k)).max_by(|a, b| a.0.total_cmp(&b.0));
             let meant = near
                 .filter(|n| n.0 > 0.7)
                 .map_or_else(|| format!("there are {}", known.join(", ")), |n| format!("did you mean {}?", n.1));
-            let place = if key.is_empty() { String::new() } else { format!(" in {key}") };
+            let section = key.strip_suffix(found.as_str()).unwrap_or(&key).trim_end_matches('.');
+            let place = if section.is_empty() { String::new() } else { format!(" in {section}") };
             format!("unknown key {found}{place}; {meant}")
         }
         kind if key.is_empty() => kind.to_string(),
         kind => format!("{key}: {kind}"),
-    };
-    Error::input(name(path), problem, "`nacre schema config` lists all keys")
+    }
 }
 
 #[cfg(test)]

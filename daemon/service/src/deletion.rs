@@ -175,7 +175,7 @@ pub async fn upload(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<S
 #[utoipa::path(get, path = "/api/v1/charts/{folder}/deletion", tag = "charts", operation_id = "charts_deletion",
     params(("folder" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
 pub async fn of_charts(State(app): State<Arc<App>>, At(folder): At<String>) -> Answer<Json<Deletion>> {
-    let (place, name) = (app.config.data.join("charts"), folder.clone());
+    let (place, name) = (app.config().data.join("charts"), folder.clone());
     let files = blocking(move || Answer::Ok(files::list(&charts::existing(&place, &name)?))).await?;
     Ok(Deletion::of(&app, &format!("charts/{folder}"), &files, 0))
 }
@@ -189,7 +189,7 @@ pub async fn charts_folder(
     At(folder): At<String>,
     Params(query): Params<Confirmation>,
 ) -> Answer<StatusCode> {
-    let (place, name) = (app.config.data.join("charts"), folder.clone());
+    let (place, name) = (app.config().data.join("charts"), folder.clone());
     let path = blocking(move || charts::existing(&place, &name)).await?;
     confirmed(&app, &format!("charts/{folder}"), &query)?;
     blocking(move || removed(&path)).await?;

@@ -75,7 +75,7 @@ pub async fn state(State(app): State<Arc<App>>) -> Json<DisplayState> {
 pub async fn show(State(app): State<Arc<App>>, Body(body): Body<ShowPattern>) -> Answer<Json<DisplayState>> {
     body.pattern.check().map_err(Problem::bad)?;
     let size_mm = app.limits.display.size_mm;
-    if app.config.bench.has_page() {
+    if app.config().bench.has_page() {
         return Err(Problem::new(Kind::Conflict, "the pattern page is the bench's panel")
             .remedy("show patterns with /api/v1/devices/display/show, which interlocks and STOP know of"));
     }

@@ -137,7 +137,7 @@ pub fn stream(
     log: Arc<EventLog>,
 ) -> Answer<Sse<impl Stream<Item = Result<Event, Infallible>> + use<>>> {
     let Ok(place) = app.subscribers.clone().try_acquire_owned() else {
-        let most = app.config.limits.subscribers;
+        let most = app.config().limits.subscribers;
         return Err(Problem::new(Kind::TooMany, format!("{most} event streams are open already")).remedy("close some"));
     };
     let last = headers.get("last-event-id").and_then(|v| v.to_str().ok()).and_then(|v| v.parse().ok()).unwrap_or(0);

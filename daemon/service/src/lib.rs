@@ -12,6 +12,7 @@ mod deletion;
 mod devices;
 mod display;
 mod events;
+mod extract;
 mod files;
 mod heavy;
 mod keeper;
@@ -29,6 +30,7 @@ mod paths;
 mod plans;
 mod preview;
 pub mod problem;
+mod queue;
 mod reconstruction_request;
 mod reconstructions;
 mod renders;
@@ -40,6 +42,8 @@ mod scenes;
 mod session_data;
 mod session_doc;
 mod sessions;
+mod settings;
+mod settings_text;
 mod stored_uploads;
 mod supervised;
 mod tiles;
@@ -48,13 +52,10 @@ mod uploads;
 pub mod view;
 pub mod work;
 
-use axum::Json;
-use axum::extract::{FromRequest, FromRequestParts, Path as AxumPath, Query, Request};
 use axum::http::header;
-use axum::http::request::Parts;
 use axum::response::IntoResponse;
 use bench::Bench;
-use config::Config;
+use config::{Config, Source};
 use heavy::Heavy;
 use keeper::Stores;
 use keys::Keys;
@@ -71,14 +72,14 @@ use nacre_store::catalogue::SessionRow;
 use nacre_store::jobs::Jobs;
 use problem::{Answer, Kind, Problem};
 use runs::Run;
-use serde::de::DeserializeOwned;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 use ulid::{Generator, Ulid};
 
+pub use extract::{At, Body, Params};
 pub use router::openapi;
 
 /// Most runs that are kept after their end.
@@ -89,8 +90,10 @@ const KEPT_WHOLE: usize = 8;
 
 /// State that all handlers share.
 pub struct App {
-    /// Configuration of the service.
-    pub config: Config,
+    /// Configuration of the service. Some keys change while it runs.
+    config: RwLock<Arc<Config>>,
+    /// Source of the configuration.
+    pub settings: settings::Settings,
     /// Limits of the devices.
     pub limits: Limits,
     /// Geometry and light of the bench.
@@ -170,7 +173,7 @@ impl Runs {
 }
 
 impl App {
-    async fn open(config: Config, place: Place) -> Result<Arc<Self>, Failure> {
+    async fn open(config: Config, source: Source, place: Place) -> Result<Arc<Self>, Failure> {
         paths::set_data_folder(&config.data);
         if let Some(mib) = config.limits.job_memory_mib {
             nacre_image::budget::allow(mib << 20);
@@ -210,8 +213,14 @@ impl App {
             heavy: Arc::default(),
             trash_turn: tokio::sync::Mutex::default(),
             secret: [(); 2].map(|()| Ulid::generate().to_string()).concat(),
-            config,
+            settings: settings::Settings::new(source),
+            config: RwLock::new(Arc::new(config)),
         }))
+    }
+
+    /// Configuration of the service.
+    pub fn config(&self) -> Arc<Config> {
+        self.config.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Folder of a session, whether it exists or not.
@@ -220,7 +229,7 @@ impl App {
     /// `not-found` for an invalid id.
     pub fn session_folder(&self, id: &str) -> Answer<PathBuf> {
         check_id(id)?;
-        Ok(self.config.data.join("sessions").join(id))
+        Ok(self.config().data.join("sessions").join(id))
     }
 
     /// Folder of an existing session.
@@ -272,7 +281,7 @@ impl App {
 /// The bench or the data folder cannot be used.
 pub async fn in_process(config: Config, place: Place) -> Result<axum::Router, Failure> {
     let activity = Arc::new(connections::Activity::new(Duration::from_secs(config.limits.client_s)));
-    let app = App::open(config, place).await?;
+    let app = App::open(config, Source::default(), place).await?;
     Ok(router::router(&app).layer(axum::Extension(activity)))
 }
 
@@ -283,6 +292,7 @@ pub async fn in_process(config: Config, place: Place) -> Result<axum::Router, Fa
 /// The bench, the data folder or the address cannot be used.
 pub async fn serve(
     mut config: Config,
+    source: Source,
     place: Place,
     ready: impl FnOnce(std::net::SocketAddr, &[String]),
     stop: impl Future<Output = ()>,
@@ -290,7 +300,7 @@ pub async fn serve(
     let listen = config.listen;
     let most = connections::fit(&mut config.limits);
     let patience = Duration::from_secs(config.limits.client_s);
-    let app = App::open(config, place).await?;
+    let app = App::open(config, source, place).await?;
     let bind = |e: std::io::Error| Error::input(listen, format!("cannot be listened on: {e}"), "give another --listen");
     let listener = connections::listen(listen).map_err(bind)?;
     let address = listener.local_addr().map_err(bind)?;
@@ -322,7 +332,7 @@ pub async fn serve(
 /// `not-found` otherwise.
 pub fn check_id(id: &str) -> Answer<()> {
     let plain = id.len() == 26 && id.bytes().all(|b| b.is_ascii_digit() || b.is_ascii_uppercase());
-    if plain { Ok(()) } else { Err(Problem::not_found("such thing")) }
+    if plain { Ok(()) } else { Err(Problem::not_found("entry with this id")) }
 }
 
 /// Ids of the same millisecond increase, too.
@@ -361,42 +371,6 @@ pub fn picture_width(asked: Option<usize>, usual: usize) -> Answer<usize> {
 pub fn png(encoded: std::io::Result<Vec<u8>>) -> Answer<impl IntoResponse> {
     let bytes = encoded.map_err(|e| Problem::bad(e.to_string()))?;
     Ok(([(header::CONTENT_TYPE, "image/png")], bytes))
-}
-
-/// A JSON body; an invalid one is answered with a problem.
-pub struct Body<T>(pub T);
-
-impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
-    type Rejection = Problem;
-
-    async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
-        Ok(Self(Json::<T>::from_request(request, state).await?.0))
-    }
-}
-
-/// Query parameters; invalid ones are answered with a problem.
-pub struct Params<T>(pub T);
-
-impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
-    type Rejection = Problem;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
-        Ok(Self(Query::<T>::from_request_parts(parts, state).await?.0))
-    }
-}
-
-/// Path parameters; an invalid one is answered with `not-found`.
-pub struct At<T>(pub T);
-
-impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for At<T> {
-    type Rejection = Problem;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
-        match AxumPath::<T>::from_request_parts(parts, state).await {
-            Ok(path) => Ok(Self(path.0)),
-            Err(_) => Err(Problem::not_found("such thing")),
-        }
-    }
 }
 
 #[cfg(test)]

@@ -43,6 +43,8 @@ pub enum Kind {
     Conflict,
     /// Another client or session has the devices.
     Busy,
+    /// The resource was changed after the client read it.
+    Outdated,
     /// The request exceeds the size limit.
     TooLarge,
     /// The request arrives too slowly.
@@ -71,9 +73,10 @@ impl Kind {
     fn parts(self) -> (StatusCode, &'static str, &'static str) {
         match self {
             Self::BadRequest => (StatusCode::BAD_REQUEST, "bad-request", "The request cannot be used"),
-            Self::NotFound => (StatusCode::NOT_FOUND, "not-found", "There is no such thing"),
+            Self::NotFound => (StatusCode::NOT_FOUND, "not-found", "Not found"),
             Self::Conflict => (StatusCode::CONFLICT, "conflict", "It does not fit the state"),
             Self::Busy => (StatusCode::CONFLICT, "busy", "The devices are in use"),
+            Self::Outdated => (StatusCode::PRECONDITION_FAILED, "outdated", "It was changed meanwhile"),
             Self::TooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "too-large", "Too large"),
             Self::Slow => (StatusCode::REQUEST_TIMEOUT, "slow", "Too slow"),
             Self::TooMany => (StatusCode::TOO_MANY_REQUESTS, "too-many", "Too many at once"),

@@ -126,7 +126,7 @@ impl App {
 
     /// Folder of the results of a job.
     pub fn result_folder(&self, id: &str) -> PathBuf {
-        result_folder(&self.config.data, id)
+        result_folder(&self.config().data, id)
     }
 
     /// Folder of the photographs of a job.
@@ -171,7 +171,7 @@ impl App {
     /// Checks a job, and estimates its time, memory and disk.
     async fn work_of(&self, spec: &Spec) -> Answer<Work> {
         self.input_of(spec)?;
-        let (asked, data) = (spec.clone(), self.config.data.clone());
+        let (asked, data) = (spec.clone(), self.config().data.clone());
         self.heavy.work(move || methods::check(&asked, &data)).await
     }
 

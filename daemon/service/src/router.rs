@@ -4,8 +4,8 @@ use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
     App, access, charts, connections, deletion, devices, display, map_list, map_regions, measure, naming, operations,
-    plans, preview, reconstructions, renders, results, samples, session_data, sessions, stored_uploads, tiles, trash,
-    uploads, view,
+    plans, preview, queue, reconstructions, renders, results, samples, session_data, sessions, settings,
+    stored_uploads, tiles, trash, uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
@@ -61,6 +61,9 @@ async fn about(State(app): State<Arc<App>>) -> Json<About> {
 fn api() -> OpenApiRouter<Arc<App>> {
     OpenApiRouter::with_openapi(Document::openapi())
         .routes(routes!(about))
+        .routes(routes!(settings::get, settings::save))
+        .routes(routes!(settings::schema))
+        .routes(routes!(settings::check))
         .routes(routes!(devices::state))
         .routes(routes!(devices::move_stage))
         .routes(routes!(devices::home_stage))
@@ -102,6 +105,8 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(reconstructions::retry))
         .routes(routes!(reconstructions::log))
         .routes(routes!(reconstructions::job_events))
+        .routes(routes!(queue::list))
+        .routes(routes!(queue::first))
         .routes(routes!(renders::picture))
         .routes(routes!(results::list))
         .routes(routes!(results::file))
@@ -168,9 +173,10 @@ const REFUSALS: &[(&str, &str)] = &[
     ("400", "Something in the request cannot be used"),
     ("401", "A token is needed"),
     ("403", "The token's role does not allow it, or the request comes from elsewhere"),
-    ("404", "There is no such thing"),
+    ("404", "Not found"),
     ("408", "The request came too slowly"),
     ("409", "It does not fit the state"),
+    ("412", "It was changed meanwhile"),
     ("413", "The request is too large"),
     ("429", "Too many requests at once"),
     ("503", "The system does not allow it now: too many files are open, or the disk is read-only"),
@@ -190,7 +196,7 @@ fn documented() -> utoipa::openapi::OpenApi {
 
 /// The service as a router.
 pub fn router(app: &Arc<App>) -> Router {
-    let limits = &app.config.limits;
+    let body = app.config().limits.body_kib << 10;
     let (quick, _) = api().split_for_parts();
     let (slow, _) = slow().split_for_parts();
     let document = serde_json::to_string(&openapi()).unwrap_or_default();
@@ -201,11 +207,11 @@ pub fn router(app: &Arc<App>) -> Router {
         .route("/healthz", get(health))
         .route("/readyz", get(ready))
         .route("/metrics", get(numbers))
-        .route("/", get(|| page("/".into())))
-        .route("/display", get(|| page("/display".into())))
-        .route("/assets/{*path}", get(|Path(path): Path<String>| page(format!("/assets/{path}"))))
+        .route("/", get(|headers| page("/".into(), headers)))
+        .route("/display", get(|headers| page("/display".into(), headers)))
+        .route("/assets/{*path}", get(|Path(path): Path<String>, headers| page(format!("/assets/{path}"), headers)))
         .layer(middleware::from_fn_with_state(app.clone(), bounded))
-        .layer(DefaultBodyLimit::max(limits.body_kib << 10))
+        .layer(DefaultBodyLimit::max(body))
         .layer(middleware::from_fn_with_state(app.clone(), in_time))
         .merge(slow)
         .fallback(|| async { Problem::not_found("such path") })
@@ -218,7 +224,7 @@ pub fn router(app: &Arc<App>) -> Router {
 }
 
 async fn numbers(State(app): State<Arc<App>>) -> Response {
-    let open = app.config.limits.subscribers - app.subscribers.available_permits();
+    let open = app.config().limits.subscribers - app.subscribers.available_permits();
     ([(header::CONTENT_TYPE, "application/openmetrics-text; version=1.0.0; charset=utf-8")], app.metrics.text(open))
         .into_response()
 }
@@ -234,19 +240,40 @@ async fn ready(State(app): State<Arc<App>>) -> Answer<&'static str> {
     app.jobs().map(|_| "ok")
 }
 
-/// A document of the page, or one of its assets. Browsers cache assets whose path contains the page's version.
-async fn page(path: String) -> Response {
+/// A document of the page, or one of its files. Browsers keep files whose path contains the page's version.
+async fn page(path: String, headers: HeaderMap) -> Response {
+    const FOR_EVER: &str = "public, max-age=31536000, immutable";
     if let Some(document) = nacre_web::document(&path) {
         return Html(document).into_response();
     }
-    const FOR_EVER: &str = "public, max-age=31536000, immutable";
-    let kept = nacre_web::versioned(&path).map(|asset| (asset, FOR_EVER));
-    match kept.or_else(|| Some((nacre_web::asset(&path)?, "no-cache"))) {
-        Some((asset, cache)) => {
-            ([(header::CONTENT_TYPE, asset.content_type), (header::CACHE_CONTROL, cache)], asset.bytes).into_response()
-        }
-        None => Problem::not_found("such page").into_response(),
+    let Some(file) = nacre_web::versioned(&path) else {
+        return match nacre_web::asset(&path) {
+            Some(asset) => {
+                let headers = [(header::CONTENT_TYPE, asset.content_type), (header::CACHE_CONTROL, "no-cache")];
+                (headers, asset.bytes).into_response()
+            }
+            None => Problem::not_found("such page").into_response(),
+        };
+    };
+    let kept = [
+        (header::CONTENT_TYPE, file.asset.content_type),
+        (header::CACHE_CONTROL, FOR_EVER),
+        (header::VARY, "accept-encoding"),
+    ];
+    match takes_gzip(&headers) {
+        true => (kept, [(header::CONTENT_ENCODING, "gzip")], file.gzip.as_slice()).into_response(),
+        false => (kept, file.asset.bytes).into_response(),
     }
+}
+
+/// Whether a client accepts gzip with any weight but zero.
+fn takes_gzip(headers: &HeaderMap) -> bool {
+    let values = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
+    values.flat_map(|value| value.split(',')).any(|coding| {
+        let (name, weight) = coding.split_once(';').unwrap_or((coding, ""));
+        let weight = weight.trim().trim_start_matches("q=");
+        name.trim().eq_ignore_ascii_case("gzip") && (weight.is_empty() || weight.parse().is_ok_and(|q: f64| q > 0.0))
+    })
 }
 
 /// Whether to compress an answer: text only. Events must not be delayed, pictures are already compressed, and maps
@@ -260,7 +287,7 @@ fn is_text(_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions) -> bo
 
 /// Ends requests that exceed the time limit.
 async fn in_time(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
-    let longest = Duration::from_secs(app.config.limits.request_s);
+    let longest = Duration::from_secs(app.config().limits.request_s);
     match tokio::time::timeout(longest, next.run(request)).await {
         Ok(response) => response,
         Err(_) => Problem::new(Kind::Conflict, "the request took too long").into_response(),
@@ -286,7 +313,7 @@ async fn bounded(
     };
     let _work = activity.work();
     let Ok(_place) = app.requests.try_acquire() else {
-        let most = app.config.limits.requests;
+        let most = app.config().limits.requests;
         let refused = Problem::new(Kind::TooMany, format!("{most} requests are being answered"));
         return refused.remedy("try again").into_response();
     };

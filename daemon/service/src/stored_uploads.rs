@@ -67,7 +67,7 @@ impl App {
 
     /// Lifetime of an upload that no reconstruction uses.
     fn upload_lifetime(&self) -> Duration {
-        Duration::from_secs(self.config.limits.upload_days * 24 * 3600)
+        Duration::from_secs(self.config().limits.upload_days * 24 * 3600)
     }
 
     /// Description of an existing upload.
@@ -91,7 +91,7 @@ fn describe(folder: &Path, id: String, reconstructions: Vec<String>, lifetime: D
     responses((status = 200, body = UploadList)))]
 pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<UploadList>> {
     let mut in_use = app.uploads_in_use().await?;
-    let (folder, lifetime) = (app.config.data.join("uploads"), app.upload_lifetime());
+    let (folder, lifetime) = (app.config().data.join("uploads"), app.upload_lifetime());
     let items = blocking(move || {
         let described = |id: String| {
             let reconstructions = in_use.remove(&id).unwrap_or_default();
@@ -108,7 +108,7 @@ pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<UploadList>> {
 /// Those of the queue and the disk.
 pub async fn expire(app: &Arc<App>) -> Answer<()> {
     let in_use = app.uploads_in_use().await?;
-    let (folder, lifetime) = (app.config.data.join("uploads"), app.upload_lifetime());
+    let (folder, lifetime) = (app.config().data.join("uploads"), app.upload_lifetime());
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     blocking(move || {
         let old = |id: &String| made(id) + lifetime < now && !in_use.contains_key(id);

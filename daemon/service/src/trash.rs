@@ -86,7 +86,7 @@ fn now() -> Duration {
 impl App {
     /// Days that an entry deleted now can be restored; 0 if deletions are immediate.
     pub fn trash_days(&self) -> u64 {
-        if self.stores.is_short() { 0 } else { self.config.limits.trash_days }
+        if self.stores.is_short() { 0 } else { self.config().limits.trash_days }
     }
 
     /// Problem of a missing resource; the remedy names the trash if it is there.
@@ -99,12 +99,12 @@ impl App {
     }
 
     fn trash(&self) -> PathBuf {
-        self.config.data.join("trash")
+        self.config().data.join("trash")
     }
 
     /// Seconds that entries stay in the trash.
     fn kept_s(&self) -> u64 {
-        self.config.limits.trash_days * 24 * 3600
+        self.config().limits.trash_days * 24 * 3600
     }
 
     /// Deletes folders of the data folder: into the trash, or at once if the trash is off or `deleted.json` does not
@@ -114,7 +114,7 @@ impl App {
     /// Those of the system.
     pub fn discard(&self, id: &str, deleted: &Deleted, folders: &[PathBuf]) -> Answer<()> {
         if self.trash_days() > 0
-            && let Err(error) = keep(&self.config.data, id, deleted, folders)
+            && let Err(error) = keep(&self.config().data, id, deleted, folders)
             && !matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
         {
             return Err(Problem::refused("it cannot be moved to the trash", &error));
@@ -186,7 +186,7 @@ fn purge(trash: &Path, id: &str) -> Answer<()> {
 /// Lists the trash.
 #[utoipa::path(get, path = "/api/v1/trash", tag = "trash", operation_id = "trash", responses((status = 200, body = Trash)))]
 pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<Trash>> {
-    let (trash, kept_s, days) = (app.trash(), app.kept_s(), app.config.limits.trash_days);
+    let (trash, kept_s, days) = (app.trash(), app.kept_s(), app.config().limits.trash_days);
     let mut items: Vec<_> =
         blocking(move || Ok(ids(&trash).iter().filter_map(|id| item(&trash, id, kept_s)).collect())).await?;
     items.sort_by(|a: &TrashItem, b| (b.deleted, &b.id).cmp(&(a.deleted, &a.id)));
@@ -206,7 +206,7 @@ pub async fn restore(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<
     if let Some(job) = &deleted.job {
         app.jobs()?.restore(job).await?;
     }
-    let (data, known) = (app.config.data.clone(), id.clone());
+    let (data, known) = (app.config().data.clone(), id.clone());
     blocking(move || put_back(&data, &known, deleted.job.as_ref())).await?;
     if item.kind == Thing::Session {
         app.note(&app.session_folder(&id)?).await;

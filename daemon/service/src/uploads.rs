@@ -80,7 +80,7 @@ impl App {
     /// `not-found` for an invalid id.
     pub fn upload_folder(&self, id: &str) -> Answer<PathBuf> {
         super::check_id(id)?;
-        Ok(self.config.data.join("uploads").join(id))
+        Ok(self.config().data.join("uploads").join(id))
     }
 
     /// Folder of an existing upload.
@@ -106,7 +106,7 @@ pub async fn upload(
     let id = super::new_id();
     let target = app.upload_folder(&id)?;
     // An incomplete upload is deleted: the folder is removed with this request.
-    let folder = TemporaryFolder::new(&app.config.data.join("uploads"), id.as_ref()).map_err(refused)?;
+    let folder = TemporaryFolder::new(&app.config().data.join("uploads"), id.as_ref()).map_err(refused)?;
     let (files, bytes) = receive(&app, &activity, form, folder.path()).await?;
     std::fs::rename(folder.path(), &target).map_err(refused)?;
     // The folder has been renamed to its final place.
@@ -149,7 +149,7 @@ pub async fn angles(Body(Names { names }): Body<Names>) -> Answer<Json<Angles>> 
 }
 
 async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
-    let most = app.config.limits.upload_mib << 20;
+    let most = app.config().limits.upload_mib << 20;
     let (mut files, mut bytes, mut what, mut begun, mut name) = (0, 0, What::Polarization, false, String::new());
     loop {
         let Some(field) =

@@ -63,7 +63,11 @@ impl Options {
         let alike = |s: &Series| (s.info.width, s.info.height, s.info.channels, s.info.depth);
         if alike(&lit) != alike(&dark) {
             let remedy = "take both with the same camera and settings";
-            return Err(Error::file(&dark.folder, "has dark photographs of another size or depth than the flats", remedy));
+            return Err(Error::file(
+                &dark.folder,
+                "has dark photographs of another size or depth than the flats",
+                remedy,
+            ));
         }
         Ok([lit, dark])
     }
@@ -104,13 +108,16 @@ impl Operation for Options {
         let [lit, dark] = self.series(input)?;
         let channel = self.channel_of(&lit)?;
         progress.stage("measuring noise", (lit.len() + dark.len()) as u64);
-        let levels = |series: &Series| {
-            series.groups.iter().map(|g| level(g, channel, progress)).collect::<Result<Vec<Level>>>()
-        };
+        let levels =
+            |series: &Series| series.groups.iter().map(|g| level(g, channel, progress)).collect::<Result<Vec<Level>>>();
         let (bright, black) = (levels(&lit)?, levels(&dark)?);
         let Some(found) = transfer(&bright, &black) else {
             let remedy = "add shorter exposures, from 5 to 70 % of white";
-            return Err(Error::file(input, "has no photograph that is brighter than darkness and not saturated", remedy));
+            return Err(Error::file(
+                input,
+                "has no photograph that is brighter than darkness and not saturated",
+                remedy,
+            ));
         };
         let swing = found.saturation_dn - found.black_dn;
         let near_half = |l: &&Level| ((l.mean_dn - found.black_dn) / swing - HALF).abs();

@@ -120,7 +120,8 @@ pub fn transfer(lit: &[Level], dark: &[Level]) -> Option<Transfer> {
             Some([l.mean_dn - black(l), l.variance_dn2 - dark.variance_dn2, sigma.max(1e-12)])
         })
         .collect();
-    let (top_sum, bottom) = used.iter().fold((0.0, 0.0), |(a, b), [x, y, s]| (a + x * y / (s * s), b + x * x / (s * s)));
+    let (top_sum, bottom) =
+        used.iter().fold((0.0, 0.0), |(a, b), [x, y, s]| (a + x * y / (s * s), b + x * x / (s * s)));
     if bottom <= 0.0 || top_sum <= 0.0 {
         return None;
     }

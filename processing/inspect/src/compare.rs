@@ -147,17 +147,7 @@ impl Differences {
         let edge = edge_share(&some, &off, &noise, &slope, PERCENTILE_90_2).max(least);
         let sigma = with_edges(&noise, &slope, edge);
         let sigma: Vec<f32> = sigma.iter().zip(&a).map(|(s, a)| s.hypot(SYSTEMATIC * a.norm())).collect();
-        let light = light(
-            size,
-            &reference.image,
-            &fixed,
-            &warped,
-            &noise,
-            &compared,
-            &some,
-            &unit,
-            lit,
-        );
+        let light = light(size, &reference.image, &fixed, &warped, &noise, &compared, &some, &unit, lit);
         let period = period(size, reference, sample, refined, &compared, &slope);
         let statistic = (0..width * height)
             .map(|i| {

@@ -79,12 +79,26 @@ fn main() {
                     let mm = trial.pixel_mm();
                     let (x, y) = (defect.at_mm[0] / mm + 0.5 * px - 0.5, 0.5 * px - 0.5 - defect.at_mm[1] / mm);
                     let mut best = (0.0_f32, 0);
-                    for v in -2..=2_i64 { for u in -2..=2_i64 {
-                        let i = ((y.round() as i64 + v) * px as i64 + x.round() as i64 + u) as usize;
-                        if d.statistic[i] >= best.0 { best = (d.statistic[i], i); }
-                    }}
+                    for v in -2..=2_i64 {
+                        for u in -2..=2_i64 {
+                            let i = ((y.round() as i64 + v) * px as i64 + x.round() as i64 + u) as usize;
+                            if d.statistic[i] >= best.0 {
+                                best = (d.statistic[i], i);
+                            }
+                        }
+                    }
                     let i = best.1;
-                    println!("      MISSED at {x:.1} {y:.1} stat {:.2} off {:.4} sigma {:.4} ref {:.3} sample {:.3} light {:?}±{:?} compared {}", best.0, (d.sample[i]-d.reference[i]).norm(), d.sigma[i], d.reference[i].norm(), d.sample[i].norm(), d.light.value.get(i), d.light.sigma.get(i), d.compared[i]);
+                    println!(
+                        "      MISSED at {x:.1} {y:.1} stat {:.2} off {:.4} sigma {:.4} ref {:.3} sample {:.3} light {:?}±{:?} compared {}",
+                        best.0,
+                        (d.sample[i] - d.reference[i]).norm(),
+                        d.sigma[i],
+                        d.reference[i].norm(),
+                        d.sample[i].norm(),
+                        d.light.value.get(i),
+                        d.light.sigma.get(i),
+                        d.compared[i]
+                    );
                 }
                 println!(
                     "      planted {:?} at {:?} turn {:.0} period {:.2} -> {class:?}",

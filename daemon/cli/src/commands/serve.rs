@@ -6,7 +6,7 @@ use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_capture::session::sha256;
 use nacre_capture::setup::BenchSection;
-use nacre_service::config::{Config, Role, default_path};
+use nacre_service::config::{Config, Role, Source, default_path};
 use nacre_service::serve;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -70,6 +70,8 @@ pub struct Token {
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let path = args.config.clone().or_else(|| Some(default_path()).filter(|p| p.exists()));
     let mut config = Config::read(path.as_deref())?;
+    let file = path.unwrap_or_else(default_path);
+    let source = Source { file: std::path::absolute(&file).unwrap_or(file), read: config.clone() };
     config.listen = args.listen.unwrap_or(config.listen);
     config.data = args.data.clone().unwrap_or(config.data);
     if args.sim && !config.bench.sim {
@@ -106,7 +108,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         };
         tokio::select! {
             biased;
-            result = serve(config, place, ready, asked(1)) => result,
+            result = serve(config, source, place, ready, asked(1)) => result,
             () = cut => Ok(()),
         }
     });

@@ -1,8 +1,8 @@
 //! Job queue of the service: work that outlives its request and the process that accepted it.
 //!
 //! All data is in `jobs.db`. The table `nacre_job` holds the jobs and their progress. The tables of `apalis` beside it
-//! hold *deliveries*: messages "look at job X" to the worker. A job and its delivery change in one transaction, and a
-//! delivery has no effect unless its job is queued. Therefore no job is lost or done twice, whenever the process is
+//! hold *deliveries*: messages "run the next job" to the worker. A job and its delivery change in one transaction, and
+//! a delivery has no effect unless a job is queued. Therefore no job is lost or done twice, whenever the process is
 //! killed. Our tables share one file with those of `apalis`, because SQLite's transactions over two files in WAL mode
 //! are not atomic.
 //!
@@ -11,6 +11,7 @@
 //! heartbeat.
 
 mod live;
+mod order;
 mod record;
 mod row;
 mod saved;
@@ -245,6 +246,25 @@ impl Jobs {
     pub async fn list(&self, limit: u32, after: Option<&str>) -> Result<(Vec<Job>, Option<String>), Error> {
         let (jobs, next) = self.shared.store.list(limit.clamp(1, 500), after).await?;
         Ok((jobs.into_iter().map(|job| self.shared.with_progress(job)).collect(), next))
+    }
+
+    /// The running job, then the queued ones in the order in which they will run.
+    ///
+    /// # Errors
+    /// Those of the database.
+    pub async fn queue(&self) -> Result<Vec<Job>, Error> {
+        let jobs = self.shared.store.open_jobs().await?;
+        Ok(jobs.into_iter().map(|job| self.shared.with_progress(job)).collect())
+    }
+
+    /// Moves a queued job before all others that wait.
+    ///
+    /// # Errors
+    /// [`Refusal`] when the job does not exist or does not wait.
+    pub async fn to_the_front(&self, id: &str) -> Result<(), Refusal> {
+        self.shared.store.to_the_front(id).await?;
+        self.shared.changed(id);
+        Ok(())
     }
 
     /// Cancels a job. A queued job ends at once; a running one stays in the state running until it ends.

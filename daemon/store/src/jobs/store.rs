@@ -1,5 +1,6 @@
 //! Database access: jobs in `nacre_job`, deliveries in the tables of `apalis`.
 
+use super::order;
 use super::record::Record;
 use super::row::{append, job, read};
 use super::{Job, JobState, Refusal, Saved, Spec};
@@ -29,12 +30,13 @@ const SCHEMA: &str = "
         stage TEXT NOT NULL,
         error TEXT,
         cancel INTEGER NOT NULL,
-        log TEXT NOT NULL DEFAULT ''
+        log TEXT NOT NULL DEFAULT '',
+        turn INTEGER NOT NULL DEFAULT 0
     ) STRICT;
     CREATE INDEX nacre_job_open ON nacre_job (state, id);
     PRAGMA application_id = 0x4e61634a;
     PRAGMA user_version = 1;";
-const COLUMNS: &str = "id, spec, state, attempts, progress, stage, error, cancel";
+pub(super) const COLUMNS: &str = "id, spec, state, attempts, progress, stage, error, cancel";
 /// Attempts of a delivery: unlimited, until the database lets the job begin.
 const ALWAYS: usize = i32::MAX as usize;
 pub(super) const AWAY: &str = "move it away; the queue then begins empty";
@@ -42,7 +44,7 @@ pub(super) const AWAY: &str = "move it away; the queue then begins empty";
 pub(super) struct Store {
     path: PathBuf,
     pool: SqlitePool,
-    /// Increasing ids of deliveries, which define the order of the queue.
+    /// Increasing ids of deliveries.
     ids: Mutex<Generator>,
 }
 
@@ -84,7 +86,11 @@ impl Store {
             transaction.commit().await?;
         }
         let header = "SELECT application_id, user_version FROM pragma_application_id, pragma_user_version";
-        sqlx::query_as(header).fetch_one(&mut *connection).await
+        let header = sqlx::query_as(header).fetch_one(&mut *connection).await?;
+        if header == (APPLICATION, VERSION) {
+            order::add_turns(&mut connection).await?;
+        }
+        Ok(header)
     }
 
     pub fn pool(&self) -> &SqlitePool {
@@ -161,6 +167,7 @@ impl Store {
             append(transaction, &job.id, line).await?;
         }
         if record.deliver {
+            order::to_the_end(transaction, &job.id).await?;
             self.deliver(transaction, &job.id).await?;
         }
         Ok(())
@@ -184,7 +191,7 @@ impl Store {
         })
     }
 
-    /// Replaces all deliveries by one for each queued job, in the order of submission. Call it while no worker runs.
+    /// Replaces all deliveries by one for each queued job. Call it while no worker runs.
     pub async fn deliver_all(&self) -> Result<(), Error> {
         let apply = async {
             let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
@@ -197,11 +204,14 @@ impl Store {
         apply.await.map_err(|e| self.fault(e))
     }
 
-    /// Queues the jobs again that an earlier process was running when it ended.
+    /// Queues the jobs again that an earlier process was running when it ended, before all others.
     pub async fn recover(&self) -> Result<(), Error> {
         let running = async { in_state(&mut *self.pool.acquire().await?, JobState::Running).await };
         for id in running.await.map_err(|e| self.fault(e))? {
-            self.change(&id, Record::cut_off).await?;
+            if let Some(Ok(Job { state: JobState::Queued, .. })) = self.change(&id, Record::cut_off).await? {
+                // A refusal means that the job is queued no more, which nobody but this process changes.
+                let _ = self.to_the_front(&id).await;
+            }
         }
         Ok(())
     }
@@ -297,7 +307,7 @@ impl Store {
     }
 
     /// Converts an SQLite error into one for the user.
-    fn fault(&self, error: sqlx::Error) -> Error {
+    pub fn fault(&self, error: sqlx::Error) -> Error {
         match (primary_code(&error), &error) {
             // The statements are fixed, so an error in one of them means an unexpected table.
             (Some(ERROR | CORRUPT | NOT_A_DATABASE), _) | (_, sqlx::Error::ColumnDecode { .. }) => {

@@ -174,7 +174,7 @@ async fn work_on(shared: &Arc<Shared>) {
             let worker = WorkerBuilder::new(ulid::Ulid::generate().to_string().as_str())
                 .backend(deliveries.poll_with_strategy(Ear(shared.bell.clone())))
                 .concurrency(1)
-                .build(move |id: String| take(owned.clone(), id));
+                .build(move |_: String| take(owned.clone()));
             // The error is not the job's. If it persists, the next worker returns it again.
             let _ = worker.run().await;
         }
@@ -215,8 +215,8 @@ impl Progress for Reporter {
 }
 
 /// Takes a delivery. The job runs in a separate task, which outlives the worker.
-async fn take(shared: Arc<Shared>, id: String) -> Result<(), BoxDynError> {
-    let result = tokio::spawn(run(shared, id)).await;
+async fn take(shared: Arc<Shared>) -> Result<(), BoxDynError> {
+    let result = tokio::spawn(run(shared)).await;
     match result {
         Ok(Ok(())) => Ok(()),
         Ok(Err(error)) => {
@@ -228,12 +228,14 @@ async fn take(shared: Arc<Shared>, id: String) -> Result<(), BoxDynError> {
     }
 }
 
-/// Runs a job if it is queued.
-async fn run(shared: Arc<Shared>, id: String) -> Result<(), Error> {
+/// Runs the next job. Each queued job has at least one delivery, so that all get their turn.
+async fn run(shared: Arc<Shared>) -> Result<(), Error> {
     let _turn = shared.turn.lock().await;
     if shared.stopping() {
         return Ok(());
     }
+    // Without a queued job, the delivery belongs to a cancelled one.
+    let Some(id) = shared.store.next().await? else { return Ok(()) };
     // Registered before the job runs, so that a cancellation finds it.
     let live = Arc::new(Live::new(&id));
     *shared.current() = Some(live.clone());
@@ -245,7 +247,7 @@ async fn run(shared: Arc<Shared>, id: String) -> Result<(), Error> {
             finish(&shared, &live, result).await;
             Ok(())
         }
-        // The job was cancelled meanwhile, or the delivery is obsolete.
+        // The job was cancelled meanwhile.
         Ok(_) => Ok(()),
         Err(error) => Err(error),
     };

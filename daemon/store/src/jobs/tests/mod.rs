@@ -358,3 +358,43 @@ async fn a_removed_job_is_restored_with_its_name_and_log() {
     jobs.restore(&Saved { state: JobState::Queued, ..saved }).await.unwrap_err();
     assert!(matches!(jobs.rename("none", "x").await, Err(Refusal::Unknown(_))));
 }
+
+#[tokio::test]
+async fn a_waiting_job_is_moved_to_the_front() {
+    let folder = tempfile::tempdir().unwrap();
+    let jobs = open(folder.path()).await;
+    let mut ids = vec![];
+    for model in ["wait", "well", "well", "well"] {
+        ids.push(jobs.submit(spec(model)).await.unwrap().id);
+    }
+    until(&jobs, &ids[0], |job| job.state == JobState::Running).await;
+    let places = async |jobs: &Jobs| {
+        let queue = jobs.queue().await.unwrap();
+        queue.iter().map(|job| ids.iter().position(|id| *id == job.id).unwrap()).collect::<Vec<_>>()
+    };
+    assert_eq!(places(&jobs).await, [0, 1, 2, 3]);
+    jobs.to_the_front(&ids[3]).await.unwrap();
+    assert_eq!(places(&jobs).await, [0, 3, 1, 2]);
+    assert!(matches!(jobs.to_the_front(&ids[0]).await, Err(Refusal::State { state: JobState::Running, .. })));
+    assert!(matches!(jobs.to_the_front("01ARZ3NDEKTSV4RRFFQ69G5FAV").await, Err(Refusal::Unknown(_))));
+    // The order outlives the process; the interrupted job is first.
+    jobs.shutdown().await;
+    let jobs = open(folder.path()).await;
+    until(&jobs, &ids[0], |job| job.state == JobState::Running).await;
+    assert_eq!(places(&jobs).await, [0, 3, 1, 2]);
+    // A file of an earlier version has no turns: jobs run in the order of submission.
+    jobs.shutdown().await;
+    let file = crate::sqlite::pool().connect_lazy_with(crate::sqlite::options(&folder.path().join("jobs.db")));
+    sqlx::raw_sql("ALTER TABLE nacre_job DROP COLUMN turn").execute(&file).await.unwrap();
+    file.close().await;
+    let jobs = open(folder.path()).await;
+    until(&jobs, &ids[0], |job| job.state == JobState::Running).await;
+    assert_eq!(places(&jobs).await, [0, 1, 2, 3]);
+    jobs.to_the_front(&ids[2]).await.unwrap();
+    jobs.cancel(&ids[0]).await.unwrap();
+    for id in &ids[1..] {
+        reach(&jobs, id, JobState::Done).await;
+    }
+    assert_eq!(places(&jobs).await, [0; 0]);
+    jobs.shutdown().await;
+}
