@@ -26,7 +26,7 @@ const LEAST_CELL: f32 = 5.0;
 const GAP: f32 = 10.0;
 
 /// Largest height of a picture.
-const TALLEST: f32 = 250.0;
+const TALLEST: f32 = 200.0;
 
 /// The report of a sheet.
 ///
