@@ -6,7 +6,7 @@ use crate::http::{Answer, exchange};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -169,6 +169,26 @@ impl Browser {
         let params = json!({ "behavior": "allow", "downloadPath": folder });
         let command = json!({ "cmd": "Browser.setDownloadBehavior", "params": params });
         self.call("POST", "/goog/cdp/execute", &command);
+    }
+
+    /// Allows pages of an origin to read and write the clipboard.
+    pub fn permit_clipboard(&self, origin: &str) {
+        let permissions = json!(["clipboardReadWrite", "clipboardSanitizedWrite"]);
+        let params = json!({ "origin": origin, "permissions": permissions });
+        self.call("POST", "/goog/cdp/execute", &json!({ "cmd": "Browser.grantPermissions", "params": params }));
+    }
+
+    /// The downloaded file whose name has this end, once it is complete.
+    pub fn downloaded(&self, folder: &Path, end: &str) -> PathBuf {
+        let begun = Instant::now();
+        loop {
+            let files = std::fs::read_dir(folder).unwrap().flatten().map(|e| e.path());
+            if let Some(file) = files.into_iter().find(|f| f.to_string_lossy().ends_with(end)) {
+                return file;
+            }
+            assert!(begun.elapsed() < PATIENCE, "no {end} came");
+            std::thread::sleep(Duration::from_millis(50));
+        }
     }
 
     /// Saves a screenshot of the page in `target/screenshots`.

@@ -4,6 +4,7 @@
 
 use nacre_tests::{Place, nacre};
 use std::fs;
+use std::io::Read;
 
 /// Twelve angles at one exposure.
 const PLAN: &str = "kind = \"polarization\"\ncamera = { exposure_ms = 15 }\n\
@@ -47,8 +48,28 @@ fn sheets_are_accepted_or_rejected_by_trained_limits() {
     assert!(run.stderr().contains("1 of 2 sheets"), "{}", run.stderr());
     let page = fs::read_to_string(place.text("all/bad/report.html")).unwrap();
     assert!(page.contains("data:image/png;base64,") && page.contains("dirt") && !page.contains("http"));
+    // The PDF has the text of the page, and page numbers.
+    let pdf = texts(&fs::read(place.text("all/bad/report.pdf")).unwrap());
+    let hash = run.json()["reference"]["files"][0]["sha256"].as_str().unwrap().to_owned();
+    for words in ["(Reject)", "(dirt)", "(Limits exceeded)", "(page 1 of ", &format!("(SHA-256 {hash})")] {
+        assert!(pdf.contains(words), "no {words} in {pdf}");
+    }
+    assert!(page.contains(&hash) && page.contains("</svg>"));
+    let defects = fs::read_to_string(place.text("all/bad/defects.csv")).unwrap();
+    assert!(defects.lines().nth(1).unwrap().starts_with("1,dirt,"), "{defects}");
     let csv = fs::read_to_string(place.text("all/summary.csv")).unwrap();
     assert!(csv.contains("bad,reject,1,0,0,0,0,1") && csv.contains("fine,accept,0"), "{csv}");
+}
+
+/// The operators of all pages of a PDF: its streams that inflate to text.
+fn texts(pdf: &[u8]) -> String {
+    let starts = pdf.windows(8).enumerate().filter(|(at, w)| *w == b"\nstream\n" && *at > 0).map(|(at, _)| at + 8);
+    let inflated = starts.filter_map(|at| {
+        let mut text = String::new();
+        flate2::read::ZlibDecoder::new(&pdf[at..]).read_to_string(&mut text).ok()?;
+        Some(text)
+    });
+    inflated.collect()
 }
 
 #[test]

@@ -165,7 +165,7 @@ fn description(kind: &str) -> String {
     json!({ "kind": kind, "transfer": "linear", "frames": frames }).to_string()
 }
 
-/// 64 Mpixel of black, the largest supported photograph, in 64 KiB.
+/// 64 Mpixel of black in 64 KiB.
 fn black() -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(vec![]);
     image::GrayImage::new(8192, 8192).write_to(&mut bytes, image::ImageFormat::Png).unwrap();

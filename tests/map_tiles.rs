@@ -121,6 +121,30 @@ fn tiles_and_statistics_agree_with_the_files() {
     assert_eq!(square["histogram"]["high"].as_f64(), Some(std::f64::consts::PI));
 }
 
+/// A map above 64 Mpixel: tiles and pictures take little memory.
+#[test]
+fn large_maps_are_read_by_tiles() {
+    let place = Place::with_bench("", "camera = { width = 64, height = 48 }");
+    let service = Service::start(&place, &[]);
+    let id = maps(&place, &service, 0.0);
+    let base = format!("/api/v1/reconstructions/{id}");
+    let side = 8300;
+    let fill = |_: usize, y: usize, row: &mut [f32]| row.fill((y / 64) as f32 * 0.01);
+    let file = place.path(&format!("data/reconstructions/{id}/orientation.exr"));
+    write_exr(&file, side, side, &["orientation"], &[], &fill).unwrap();
+    let before = service.memory();
+    let listed = service.get(&format!("{base}/maps")).expect(200).json();
+    assert!(listed.as_array().unwrap().iter().any(|m| m["name"] == "orientation" && m["width"] == side), "{listed}");
+    let last = (side - 1) / 256;
+    let tile = floats(&service.get(&format!("{base}/tiles/orientation/0/{last}/{last}")).expect(200).body);
+    assert_eq!((tile.len(), tile[0]), (108 * 108, (last * 256 / 64) as f32 * 0.01));
+    let all = floats(&service.get(&format!("{base}/tiles/orientation/6/0/0")).expect(200).body);
+    assert!((all[130 * 50] - 0.5).abs() < 1e-3, "{}", all[130 * 50]);
+    service.get(&format!("{base}/maps/orientation.png?width=192")).expect(200);
+    let grown = service.memory().saturating_sub(before) >> 10;
+    assert!(grown < 128, "{grown} MiB");
+}
+
 #[test]
 fn requests_beyond_a_map_are_refused_in_its_terms() {
     let place = Place::with_bench("", "camera = { width = 64, height = 48 }");

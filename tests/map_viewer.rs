@@ -7,8 +7,6 @@ use nacre_tests::Place;
 use nacre_tests::chromium::Browser;
 use nacre_tests::http::Service;
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 const CANVAS: &str = "document.querySelector('#result-map')";
 
@@ -238,7 +236,7 @@ fn lines_and_regions_are_measured() {
     let folder = tempfile::tempdir().unwrap();
     browser.downloads_to(folder.path());
     browser.run("document.querySelector('#measure-csv').click()");
-    let table = std::fs::read_to_string(downloaded(folder.path(), ".csv")).unwrap();
+    let table = std::fs::read_to_string(browser.downloaded(folder.path(), ".csv")).unwrap();
     let row: Vec<f64> = table.lines().nth(50).unwrap().split(',').take(4).map(|n| n.parse().unwrap()).collect();
     let wanted = f64::from(period[row[2] as usize * SIZE[0] + row[1] as usize]);
     assert!((row[3] / wanted - 1.0).abs() < 1e-5, "{row:?} {wanted}");
@@ -359,12 +357,12 @@ fn layers_figures_and_keys() {
     browser.downloads_to(folder.path());
     browser.run("window.scrollTo(0, 0)");
     browser.click("#figure-svg");
-    let drawing = std::fs::read_to_string(downloaded(folder.path(), ".svg")).unwrap();
+    let drawing = std::fs::read_to_string(browser.downloaded(folder.path(), ".svg")).unwrap();
     for part in ["· σ</text>", ">°</text>", " mm</text>", ">masked</text>", "data:image/png;base64,"] {
         assert!(drawing.contains(part), "no {part}");
     }
     browser.click("#figure-png");
-    let picture = image::open(downloaded(folder.path(), ".png")).unwrap().to_rgb8();
+    let picture = image::open(browser.downloaded(folder.path(), ".png")).unwrap().to_rgb8();
     let size = |key: &str| -> f64 {
         drawing.split(&format!(" {key}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
     };
@@ -372,6 +370,20 @@ fn layers_figures_and_keys() {
     assert!((f64::from(picture.width()) / f64::from(picture.height()) - width / height).abs() < 0.01);
     assert_eq!(picture.get_pixel(1, 1).0, [255; 3]);
     assert!(picture.pixels().filter(|p| p.0 != [255; 3]).count() > 10_000);
+
+    browser.click("#figure-pdf");
+    let pdf = std::fs::read(browser.downloaded(folder.path(), ".pdf")).unwrap();
+    assert_offsets(&pdf);
+    assert!(pdf.len() > 5_000);
+    // The clipboard gets the PNG.
+    browser.permit_clipboard(&format!("http://{}", page.service.address));
+    browser.click("#figure-copy");
+    browser.until("document.querySelector('.notices').innerText.includes('The figure is copied')");
+    let copied = browser.run(
+        "return navigator.clipboard.read().then((items) => items[0].getType('image/png')).then((blob) => createImageBitmap(blob))
+            .then((bitmap) => [bitmap.width, bitmap.height])",
+    );
+    assert_eq!(copied, json!([picture.width(), picture.height()]));
 
     // Maps without a button are in the list.
     browser.choose("map-choice", "period.mask");
@@ -382,15 +394,16 @@ fn layers_figures_and_keys() {
     assert!(page.errors().is_empty(), "{:?}", page.errors());
 }
 
-/// A file downloaded by the browser, once it is complete.
-fn downloaded(folder: &Path, end: &str) -> PathBuf {
-    let begun = Instant::now();
-    loop {
-        let files = std::fs::read_dir(folder).unwrap().flatten().map(|e| e.path());
-        if let Some(file) = files.into_iter().find(|f| f.to_string_lossy().ends_with(end)) {
-            return file;
-        }
-        assert!(begun.elapsed() < Duration::from_secs(60), "no {end} came");
-        std::thread::sleep(Duration::from_millis(50));
+/// Every object of a PDF lies where its table says.
+fn assert_offsets(pdf: &[u8]) {
+    let number = |bytes: &[u8]| -> usize { std::str::from_utf8(bytes).unwrap().trim().parse().unwrap() };
+    let end = pdf.windows(9).rposition(|w| w == b"startxref").unwrap();
+    let table = &pdf[number(pdf[end + 9..].split(|b| *b == b'%').next().unwrap())..end];
+    assert!(table.starts_with(b"xref\n0 "));
+    let rows: Vec<&[u8]> = table.split(|b| *b == b'\n').filter(|row| row.ends_with(b" n ")).collect();
+    assert!(rows.len() > 5);
+    for (k, row) in rows.into_iter().enumerate() {
+        let object = format!("{} 0 obj\n", k + 1);
+        assert!(pdf[number(&row[..10])..].starts_with(object.as_bytes()), "{object}");
     }
 }

@@ -23,6 +23,7 @@ mod flash;
 mod gpu;
 mod guardian;
 mod hdr;
+mod inspect_page;
 mod inspection;
 mod kills;
 mod kinds;

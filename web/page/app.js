@@ -33,12 +33,13 @@ const ROUTES = {
   render: ["Render", renderPage],
   queue: ["Queue", queuePage],
   settings: ["Settings", settingsPage],
+  inspect: ["Inspect", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./inspect.js")).inspectPage(...visit)],
   maps: ["Maps", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./mapspage.js")).mapsPage(...visit)],
   // The viewer with its shaders is as much as all else, and is fetched when it is wanted.
   view: ["View", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./view.js")).viewPage(...visit)],
 };
 /** Pages with forms of operations. */
-const FORMS = ["new", "result", "upload", "render", "session"];
+const FORMS = ["new", "result", "upload", "render", "session", "inspect"];
 const byId = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 const main = byId("main");
 let leaving = new AbortController();
@@ -56,7 +57,7 @@ async function route() {
   document.title = `${title} · Nacre`;
   const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll(".nav a"));
   for (const link of links) {
-    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && ["session", "result", "view", "maps", "trash"].includes(name)) || (link.hash === "#/bench" && name === "calibrate");
+    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && ["session", "result", "view", "maps", "inspect", "trash"].includes(name)) || (link.hash === "#/bench" && name === "calibrate");
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }

@@ -225,8 +225,9 @@ export function mapViewer({ id, method, maps, first, palette, title, named, pick
     const of = difference ?? (second && compare.state.mode === "blink" && compare.state.second ? second.layer : layer);
     const shape = shapes.shape;
     const corners = shape?.corners.map((c) => view.toCanvas(c)).map(([x, y]) => [x - left / ratio, y - top / ratio]);
-    return figure({ picture: cut, ratio, title: `${title} · ${difference ? `difference of ${titleOf(layer.info)}` : titleOf(of.info)}`, info: of.info, palette: of.palette,
+    const drawn = figure({ picture: cut, ratio, title: `${title} · ${difference ? `difference of ${titleOf(layer.info)}` : titleOf(of.info)}`, info: of.info, palette: of.palette,
       ends: [of.low, of.high], scale: view.zoom, shape: shape && corners ? { tool: shape.tool, corners } : null });
+    return { drawn, picture: cut };
   }
   const attempt = (/** @type {() => Promise<unknown>} */ act) => async () => {
     try {
@@ -236,7 +237,7 @@ export function mapViewer({ id, method, maps, first, palette, title, named, pick
     }
   };
   const copy = h("button", { type: "button", id: "figure-copy", onclick: attempt(async () => {
-    const png = await pngOf(figureNow());
+    const png = await pngOf(figureNow().drawn);
     if (navigator.clipboard?.write && globalThis.ClipboardItem) {
       await navigator.clipboard.write([new ClipboardItem({ "image/png": png })]);
       tell("The figure is copied.");
@@ -245,8 +246,13 @@ export function mapViewer({ id, method, maps, first, palette, title, named, pick
       tell("This browser copies pictures only over HTTPS, so the figure is a download.");
     }
   }) }, "Copy figure");
-  const png = h("button", { type: "button", id: "figure-png", "aria-label": "Figure as PNG", onclick: attempt(async () => save(await pngOf(figureNow()), `${figureName(named, layer.info)}.png`)) }, "PNG");
-  const vector = h("button", { type: "button", id: "figure-svg", "aria-label": "Figure as SVG", onclick: attempt(async () => save(svgFile(figureNow()), `${figureName(named, layer.info)}.svg`)) }, "SVG");
+  const png = h("button", { type: "button", id: "figure-png", "aria-label": "Figure as PNG", onclick: attempt(async () => save(await pngOf(figureNow().drawn), `${figureName(named, layer.info)}.png`)) }, "PNG");
+  const vector = h("button", { type: "button", id: "figure-svg", "aria-label": "Figure as SVG", onclick: attempt(async () => save(svgFile(figureNow().drawn), `${figureName(named, layer.info)}.svg`)) }, "SVG");
+  const pdf = h("button", { type: "button", id: "figure-pdf", "aria-label": "Figure as PDF", onclick: attempt(async () => {
+    const { drawn, picture } = figureNow();
+    const { pdfOf } = await import("./mappdf.js");
+    save(await pdfOf(drawn, picture), `${figureName(named, layer.info)}.pdf`);
+  }) }, "PDF");
   const keys = h("button", { type: "button", class: "icon", id: "map-keys", "aria-label": "Keys of the map", title: "Keys of the map (?)", onclick: showKeys }, "?");
 
   const names = (/** @type {boolean} */ early) => maps.filter((m) => first.includes(m.name) === early).map((m) => [m.name, titleOf(m)]);
@@ -259,7 +265,7 @@ export function mapViewer({ id, method, maps, first, palette, title, named, pick
   const element = h("section", { class: "panel mappanel", "aria-label": "Map" },
     h("header", {}, h("div", { class: "row" }, buttons, more), h("div", { class: "row" }, zoom("Zoom in", "+", () => view.scale(1.4)), zoom("Zoom out", "−", () => view.scale(1 / 1.4)), zoom("Show all", "⤢", () => view.fit()), keys)),
     h("div", { class: "well mapwell" }, canvas, shapes.drawing, compare.over, where), hint,
-    h("div", { class: "row between maptools" }, h("div", { class: "row" }, tools, clear), h("div", { class: "row" }, copy, png, vector)),
+    h("div", { class: "row between maptools" }, h("div", { class: "row" }, tools, clear), h("div", { class: "row" }, copy, png, vector, pdf)),
     h("div", { class: "row between maptools" }, compare.element), under);
   // For tests and the console.
   Object.assign(canvas, { view, viewer: { layerOf: () => layer, second: () => second, stores, shapes, colors, compare } });

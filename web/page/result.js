@@ -41,6 +41,7 @@ export async function resultPage(main, { id, signal }) {
   const job = await get(`/reconstructions/${id}`, { signal });
   if (signal.aborted) return;
   if (job.state === "done" && job.report && ["spots", "flash"].includes(job.method)) return showGratings(main, job, signal);
+  if (job.state === "done" && job.method === "inspect") return (await import("./inspection.js")).showInspection(main, job, signal);
   if (job.state === "done" && job.report) return job.method === "polarization" ? showMaps(main, job, signal) : showPictures(main, job, signal);
   await showProgress(main, job, signal);
 }
@@ -154,6 +155,7 @@ async function showMaps(main, job, signal) {
     h("div", { class: "head" }, headingOf(job),
       plain ? null : h("a", { class: "button primary", id: "to-view", href: `#/view/${job.id}` }, "Under a light"),
       plain ? null : h("a", { class: "button", href: `#/render/${job.id}` }, "Render"),
+      plain ? null : h("a", { class: "button", id: "to-inspect", href: `#/inspect/${job.id}` }, "Inspect against…"),
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },
       viewer.element,

@@ -3,7 +3,7 @@
 import { get, picture, query, show } from "./api.js";
 import { field, h, select } from "./dom.js";
 import { complain } from "./feedback.js";
-import { VIEWED } from "./finding.js";
+import { INSPECTED, VIEWED } from "./finding.js";
 import { bytes, moment, words } from "./format.js";
 import { renameable } from "./naming.js";
 import { discard } from "./trash.js";
@@ -45,7 +45,7 @@ export async function resultsPage(main, { signal }) {
   const state = select([["", "All"], ...["queued", "running", ...ENDED].map((s) => [s, words(s)])], wanted.state, { id: "filter-state", onchange: change("state") });
   const said = h("p", { class: "soft", role: "status", "aria-live": "polite" });
   const list = h("ul", { class: "cards" });
-  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Results"), h("a", { class: "button", href: "#/trash" }, "Trash"), h("a", { class: "button", href: "#/upload" }, "Upload"), h("a", { class: "button", href: "#/render" }, "Render")),
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Results"), h("a", { class: "button", href: "#/trash" }, "Trash"), h("a", { class: "button", href: "#/upload" }, "Upload"), h("a", { class: "button", href: "#/render" }, "Render"), h("a", { class: "button", id: "to-inspect", href: "#/inspect" }, "Inspect")),
     h("div", { class: "panel filters fields", role: "search" }, field("Search", text), field("Method", method), field("State", state)), said, list, left);
   // What each card shows, until it is seen.
   /** @type {Map<Element, Job>} */
@@ -85,7 +85,8 @@ export async function resultsPage(main, { signal }) {
         job.error && h("p", { class: "error" }, job.error),
         h("p", { class: "row soft" }, h("span", { class: "lamp", "data-tone": TONES[job.state] ?? "busy" }, words(job.state)), h("span", {}, words(job.method)), h("span", {}, moment(job.created)),
           job.session && h("a", { href: `#/session/${job.session}` }, "Session"),
-          job.state === "done" && VIEWED.includes(job.method) && h("a", { href: `#/view/${job.id}` }, "Under a light"))),
+          job.state === "done" && VIEWED.includes(job.method) && h("a", { href: `#/view/${job.id}` }, "Under a light"),
+          job.state === "done" && INSPECTED.includes(job.method) && h("a", { href: `#/inspect/${job.id}` }, "Inspect against…"))),
       remove);
     unseen.set(element, job);
     seen.observe(element);
@@ -119,7 +120,9 @@ async function thumbnail(image, job, signal) {
     const files = await get(`${base}/files`, { signal });
     const names = files.map((file) => file.name).filter((name) => name.endsWith(".png"));
     const map = names.includes("orientation.png") && `${base}/maps/orientation.png?width=192`;
-    if (map || names.length) show(image, (await picture(map || `${base}/files/${names[0]}`, { signal })).blob);
+    // Of an inspection, that of the sample, or of the first one in its folder.
+    const file = names.find((name) => /(^|\/)sample\.png$/.test(name)) ?? names[0];
+    if (map || file) show(image, (await picture(map || `${base}/files/${encodeURIComponent(file)}`, { signal })).blob);
   } catch (problem) {
     if (problem.name !== "AbortError" && problem.slug === undefined) throw problem;
   }

@@ -117,6 +117,8 @@ interface Job {
     options?: any;
     light?: LightUpload | null;
     report?: any;
+    results?: UsedResult[];
+    named?: UsedResult[];
     so_far?: { passes: number; of: number; noise: number | null; seconds_left: number } | null;
 }
 
@@ -142,6 +144,65 @@ interface SettingsDoc extends CheckedSettings {
     exists: boolean;
     overridden: SettingsChange[];
     backup?: string;
+}
+
+/** A result that a job read. */
+interface UsedResult {
+    id: string;
+    name: string;
+    session: string | null;
+}
+
+/** Where a sheet of an inspection comes from. */
+interface SheetOrigin {
+    name: string;
+    files: { file: string; sha256: string }[];
+    devices: string[];
+    captured_s: number | null;
+}
+
+interface Defect {
+    class: string;
+    at_px: Point;
+    area_px: number;
+    area_mm2: number | null;
+    size_px: Point;
+    size_mm: Point | null;
+    deviation: number;
+    orientation_deg: number | null;
+    polarization: number;
+    brightness: number | null;
+    period: number | null;
+}
+
+interface SheetReport {
+    sample: SheetOrigin;
+    verdict: "accept" | "reject";
+    exceeded: string[];
+    defects: Defect[];
+    registration: {
+        kind: string; likeness: number; turn_deg: number; scale: number; shift_px: Point; shift_mm: Point | null; sigma_px: number; overlap: number;
+    };
+    offset_deg: number;
+    offset_sigma_deg: number;
+    differences: Record<string, { rms: number; sigma: number; beyond: number } | null>;
+    threshold: number;
+    largest_deviation: number;
+    size_px: Point;
+    pixel_um: number | null;
+    warnings: string[];
+}
+
+interface InspectionReport {
+    reference: SheetOrigin;
+    false_alarms: number;
+    min_area_px: number;
+    limits: { samples: number; threshold: number | null; sheet: Record<string, number | undefined> };
+    limits_sha256: string | null;
+    trained: boolean;
+    sheets: SheetReport[];
+    rejected: number;
+    warnings: string[];
 }
 
 /** A deleted thing that can be restored. */

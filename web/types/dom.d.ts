@@ -31,6 +31,12 @@ declare class OffscreenCanvas {
     getContext(kind: "2d", settings?: CanvasRenderingContext2DSettings): CanvasRenderingContext2D;
 }
 
+declare class CompressionStream {
+    constructor(format: "deflate");
+    readable: ReadableStream<Uint8Array>;
+    writable: WritableStream<Uint8Array>;
+}
+
 declare class DecompressionStream {
     constructor(format: "gzip");
     readable: ReadableStream<Uint8Array>;

@@ -49,6 +49,7 @@ mod supervised;
 mod tiles;
 mod trash;
 mod uploads;
+mod used_results;
 pub mod view;
 pub mod work;
 

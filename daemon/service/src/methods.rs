@@ -1,6 +1,7 @@
 //! Jobs: the operations of the registry on sessions and uploads of this service.
 
 use super::problem::{Answer, Problem};
+use super::used_results::{Staged, resolved};
 use super::work::result_folder;
 use nacre_base::Error;
 use nacre_base::estimate::Work;
@@ -14,7 +15,8 @@ use std::path::{Component, Path, PathBuf};
 
 /// Checks a job's input and options, and estimates its time, memory and disk. `data` is the service's data folder.
 pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
-    let input = input_of(spec, data);
+    let staged = Staged::of(spec, data)?;
+    let input = input_of(spec, data, staged.as_ref());
     if spec.session.is_some() {
         match spec.operation.operation().input() {
             Input::Files | Input::FilesOrNothing => {
@@ -36,11 +38,14 @@ pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
             return Err(Problem::not_found(format!("upload {} with a light", light.upload)));
         }
     }
-    Ok(ready(spec, data)?.check(&input).map_err(|error| as_sent(error, &input))?)
+    Ok(ready(spec, data, staged.as_ref())?.check(&input).map_err(|error| as_sent(error, &input))?)
 }
 
 /// Input folder of a job; empty for a calibration without photographs, which continues an earlier one.
-fn input_of(spec: &Spec, data: &Path) -> PathBuf {
+fn input_of(spec: &Spec, data: &Path, staged: Option<&Staged>) -> PathBuf {
+    if let Some(staged) = staged.filter(|_| !spec.results.is_empty()) {
+        return staged.input().to_owned();
+    }
     match (&spec.session, &spec.upload) {
         (Some(id), _) if spec.operation.operation().input() == Input::Maps => {
             data.join("sessions").join(id).join("results")
@@ -52,27 +57,34 @@ fn input_of(spec: &Spec, data: &Path) -> PathBuf {
 }
 
 /// The operation with its options, in which names of uploaded files are replaced by their paths.
-fn ready(spec: &Spec, data: &Path) -> Result<Box<dyn Ready>, Error> {
+fn ready(spec: &Spec, data: &Path, staged: Option<&Staged>) -> Result<Box<dyn Ready>, Error> {
     let operation = spec.operation.operation();
     let mut options = Value::Object(spec.options.clone());
-    found(&operation.fields(), &mut options, &input_of(spec, data))?;
+    let sent = spec.upload.as_ref().map_or_else(|| input_of(spec, data, None), |id| data.join("uploads").join(id));
+    found(&operation.fields(), &mut options, &sent, staged)?;
     if let Some(light) = &spec.light {
         options["light"] = light.photograph(&data.join("uploads"));
     }
     operation.with(&options)
 }
 
-/// Replaces names of uploaded files by their paths. Other files of this machine are refused.
-fn found(fields: &Fields, options: &mut Value, input: &Path) -> Result<(), Error> {
+/// Replaces names of uploaded files, and of results of this service, by their paths. Other files of this machine are
+/// refused.
+fn found(fields: &Fields, options: &mut Value, input: &Path, staged: Option<&Staged>) -> Result<(), Error> {
     for field in &fields.list {
-        let Some(Value::String(name)) = field.file(options) else { continue };
+        let Some(value) = field.file(options) else { continue };
+        if resolved(value, staged) {
+            continue;
+        }
+        let Value::String(name) = value else { continue };
         let path = Path::new(name.as_str());
         let plain = matches!(path.components().collect::<Vec<_>>().as_slice(), [Component::Normal(_)]);
         let sent = input.join(path);
-        if plain && sent.is_file() {
+        // Without a folder the name would be looked up in the working folder of the service.
+        if plain && !input.as_os_str().is_empty() && sent.is_file() {
             *name = sent.display().to_string();
         } else if !field.is_built_in(name) {
-            let remedy = "give the name of a file that is in the upload";
+            let remedy = "give the name of a file that is in the upload, or result:ID";
             return Err(Error::input(field.path.join("."), format!("{name:?} was not sent"), remedy));
         }
     }
@@ -95,7 +107,8 @@ fn as_sent(error: Error, folder: &Path) -> Error {
 /// # Errors
 /// Those of the operation.
 pub fn perform(data: &Path, spec: &Spec, progress: &dyn Progress) -> Result<(), Error> {
-    let input = input_of(spec, data);
-    let done = ready(spec, data)?.perform(&input, &result_folder(data, &spec.id), true, progress);
+    let staged = Staged::of(spec, data)?;
+    let input = input_of(spec, data, staged.as_ref());
+    let done = ready(spec, data, staged.as_ref())?.perform(&input, &result_folder(data, &spec.id), true, progress);
     done.map(drop).map_err(|error| as_sent(error, &input))
 }

@@ -19,7 +19,7 @@ use std::sync::Arc;
 use utoipa::ToSchema;
 
 /// Names of results by operation. Results of other operations have the operation's name.
-const RESULTS: [(&str, &str); 10] = [
+const RESULTS: [(&str, &str); 11] = [
     ("hdr", "Merged exposures"),
     ("lut", "Diffraction table"),
     ("bokeh", "Lines"),
@@ -30,6 +30,7 @@ const RESULTS: [(&str, &str); 10] = [
     ("calibrate", "Calibration"),
     ("map", "Edited maps"),
     ("render", "Rendering"),
+    ("inspect", "Inspection"),
 ];
 
 /// A new name.
@@ -111,6 +112,15 @@ impl App {
     pub fn name_of(&self, spec: &Spec) -> String {
         if !spec.name.is_empty() {
             return spec.name.clone();
+        }
+        let input = match spec.results.as_slice() {
+            [] => None,
+            [only] => Some(only.name.clone()),
+            [first, rest @ ..] => Some(format!("{} and {} more", first.name, rest.len())),
+        };
+        if let Some(input) = input {
+            let trains = spec.options.get("train").and_then(serde_json::Value::as_bool) == Some(true);
+            return if trains { shortened(&format!("Limits from {input}")) } else { result_of(spec.operation, &input) };
         }
         let folder = match (&spec.session, &spec.upload) {
             (Some(id), _) => self.session_folder(id),

@@ -32,9 +32,15 @@ pub struct Order {
     session: Option<String>,
     /// Or the id of an upload.
     upload: Option<String>,
+    /// Or, for operations on maps, ids of reconstructions or of sessions with results; an upload then holds files that
+    /// options name.
+    #[serde(default)]
+    #[schema(max_items = 1000)]
+    results: Vec<String>,
     /// For `lut`: an upload with photographs of the mirror image of an extended light.
     light: Option<LightUpload>,
-    /// Options by key; keys left out have their defaults. Options that name files take names of files in the upload.
+    /// Options by key; keys left out have their defaults. Options that name files take names of files in the upload,
+    /// `result:ID` for a result, or `result:ID/FILE` for a file of a result.
     #[schema(value_type = Object)]
     #[serde(default)]
     options: Map<String, Value>,
@@ -81,10 +87,15 @@ pub async fn run(
 ) -> Answer<Response> {
     let unknown = || Problem::not_found(format!("operation {name}")).remedy(format!("choose one of {}", names()));
     let method = Method::of(&name).ok_or_else(unknown)?;
-    let Order { name, session, upload, light, options } = body;
+    let Order { name, session, upload, results, light, options } = body;
     let name = super::naming::asked(name)?;
-    super::reconstruction_request::check_input(method, [session.as_ref(), upload.as_ref()], light.as_ref())?;
-    let spec = Spec { id: String::new(), name, operation: method, options, session, upload, light };
+    if results.is_empty() {
+        super::reconstruction_request::check_input(method, [session.as_ref(), upload.as_ref()], light.as_ref())?;
+    } else {
+        super::used_results::check(method, &results, session.as_ref())?;
+    }
+    let mut spec = Spec { name, operation: method, options, session, upload, light, ..Spec::default() };
+    app.look_up_results(&mut spec, &results).await?;
     submit(&app, spec, key).await
 }
 

@@ -88,13 +88,13 @@ impl Request {
             }
         };
         Ok(Spec {
-            id: String::new(),
             name: asked(self.name)?,
             operation,
             options,
             session: self.session,
             upload: self.upload,
             light: self.light,
+            ..Spec::default()
         })
     }
 

@@ -18,7 +18,7 @@ use nacre_capture::naming::of_session;
 use nacre_capture::plan::Method;
 use nacre_capture::session::SESSION_FILE;
 use nacre_render::SoFar;
-use nacre_store::jobs::{Job, JobState, LightUpload, Spec};
+use nacre_store::jobs::{Job, JobState, LightUpload, Spec, UsedResult};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -46,6 +46,10 @@ pub struct Reconstruction {
     upload: Option<String>,
     /// Photographs of its light, if any.
     light: Option<LightUpload>,
+    /// Results that it reads.
+    results: Vec<UsedResult>,
+    /// Results that its options name.
+    named: Vec<UsedResult>,
     #[schema(value_type = String)]
     method: Method,
     /// Its options; keys left out have their defaults.
@@ -137,8 +141,10 @@ impl App {
         match (&spec.session, &spec.upload) {
             (Some(id), _) => self.session_folder(id),
             (None, Some(id)) => Ok(self.upload_folder(id)?),
-            // A calibration without photographs has only its results.
-            _ if spec.operation.operation().input() == Input::FilesOrNothing => Ok(self.result_folder(&spec.id)),
+            // Neither a calibration without photographs nor an operation on results has photographs.
+            _ if spec.operation.operation().input() == Input::FilesOrNothing || !spec.results.is_empty() => {
+                Ok(self.result_folder(&spec.id))
+            }
             _ => Err(Problem::not_found("input")),
         }
     }
@@ -154,6 +160,8 @@ impl App {
             session: job.session,
             upload: job.upload,
             light: job.spec.light,
+            results: job.spec.results,
+            named: job.spec.named,
             method: job.spec.operation,
             options: job.spec.options,
             state: job.state,
@@ -188,6 +196,8 @@ impl App {
             session: Some(id.to_owned()),
             upload: None,
             light: None,
+            results: vec![],
+            named: vec![],
             method: order.operation,
             options: order.options,
             state: JobState::Done,

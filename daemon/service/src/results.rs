@@ -3,7 +3,7 @@
 use super::heavy::Heavy;
 use super::problem::{Answer, Problem};
 use super::reconstructions::Place;
-use super::{App, At, Params, blocking, files, maps};
+use super::{App, At, Params, blocking, files, map_list, maps, tiles};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, header};
@@ -15,6 +15,9 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use utoipa::{IntoParams, ToSchema};
+
+/// Pixels of a map from which pictures of the whole are made from every n-th row and column.
+const THINNED: usize = 16 << 20;
 
 /// Region of a map in pixels, and the picture's width.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -169,7 +172,9 @@ async fn picture(app: &App, folder: PathBuf, name: String, width: usize, region:
     let (heavy, range) = (app.heavy.clone(), Arc::new(OnceLock::new()));
     let found = range.clone();
     let response = app.heavy.answer(move || {
-        let plane = heavy.plane(&folder, &name)?;
+        let map = map_list::locate(&folder, &name)?;
+        let whole = view.region.is_none() && map.size[0] * map.size[1] > THINNED;
+        let plane = if whole { Arc::new(tiles::thinned(&map, view.width)?) } else { heavy.plane(&folder, &name)? };
         let _ = found.set(maps::range_header(&name, &plane.values));
         maps::picture(&name, &plane.values, plane.width, &view, &encode_png8).map_err(Problem::bad)
     });

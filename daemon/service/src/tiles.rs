@@ -3,6 +3,7 @@
 //! A tile of level L averages squares of 2^L pixels. All tiles of one row are made together, because a file stores its
 //! pixels row by row; these strips are cached.
 
+use super::heavy::Plane;
 use super::map_list::{Located, MapKind, locate};
 use super::problem::{Answer, Kind, Problem};
 use super::{App, At, files, maps};
@@ -175,6 +176,22 @@ fn made(map: &Located, level: u32, row: usize) -> Answer<Strip> {
     Ok(Strip { values, width })
 }
 
+/// Every n-th row and column of a map, at most `width` of them per row. Memory holds these alone.
+///
+/// # Errors
+/// As the file is refused.
+pub fn thinned(map: &Located, width: usize) -> Answer<Plane> {
+    let step = map.size[0].div_ceil(width.max(1)).max(1);
+    let [width, height] = map.size.map(|n| n.div_ceil(step));
+    let mut values = filled(f32::NAN, width * height)?;
+    read_exr_rows(&map.path, &map.channel, &|y| y % step == 0, |y, x, piece| {
+        for (x, value) in (x..).zip(piece).filter(|(x, _)| x % step == 0) {
+            values[y / step * width + x / step] = *value;
+        }
+    })?;
+    Ok(Plane { values, width })
+}
+
 /// Sums of values, or of the cosines and sines of twice the angles.
 struct Means {
     sums: Vec<[f32; 2]>,
@@ -236,6 +253,15 @@ mod tests {
         for (level, tile) in [(3, [0, 0]), (1, [1, 0]), (0, [0, 3]), (0, [2, 0])] {
             assert!(place("period", map.size, level, tile).is_err(), "{level} {tile:?}");
         }
+    }
+
+    #[test]
+    fn thinned_maps_have_every_nth_pixel() {
+        let folder = tempfile::tempdir().unwrap();
+        let map = write(folder.path(), 300, 50, &|x, y| (y * 300 + x) as f32);
+        let thin = thinned(&map, 100).unwrap();
+        assert_eq!((thin.width, thin.height(), thin.values[101]), (100, 17, 3.0 * 300.0 + 3.0));
+        assert_eq!(thinned(&map, 1000).unwrap().values.len(), 300 * 50);
     }
 
     #[test]

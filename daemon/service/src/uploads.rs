@@ -51,13 +51,14 @@ pub struct Uploaded {
 /// - `surface`: one part `file`, a height field, which may be a text grid of numbers.
 /// - `maps`: `orientation.exr`, `period.exr` or both.
 /// - `table`: one EXR table, `lut.exr` (for `factor`) or `histogram.exr` (for `synthesize`).
+/// - `limits`: one TOML file with limits of good sheets, for `inspect`.
 /// - `scene`: one scene (TOML) and the files that it names. Alternatively `gallery` names an initial scene, or
 ///   `result` a reconstruction or session. Its orientation.exr, period.exr and lut.exr are added to the scene; without
 ///   a scene, they cover a flat sheet.
 #[derive(ToSchema)]
 #[allow(dead_code, reason = "describes the form")]
 pub struct Form {
-    /// `polarization` (the default), `photographs`, `surface`, `maps`, `table` or `scene`.
+    /// `polarization` (the default), `photographs`, `surface`, `maps`, `table`, `limits` or `scene`.
     kind: Option<String>,
     /// At most 200 characters. Default: derived from the files, `gallery` or `result`.
     name: Option<String>,
@@ -184,7 +185,7 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
         if files > MAX_FILES {
             return Err(Problem::new(Kind::TooLarge, format!("more than {MAX_FILES} photographs")));
         }
-        if matches!(what, What::Surface | What::Table) && files > 1 {
+        if matches!(what, What::Surface | What::Table | What::Limits) && files > 1 {
             return Err(Problem::bad("more than one file for this kind of upload").remedy("send one part named file"));
         }
         bytes += store(field, &folder.join(&file), most.saturating_sub(bytes)).await?;
@@ -202,7 +203,7 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
                 What::Polarization => describe(&folder)?,
                 What::Photographs => decodable(&folder)?,
                 // The operation checks these: the scale of a height field may be missing.
-                What::Surface | What::Table => {}
+                What::Surface | What::Table | What::Limits => {}
                 What::Maps => Maps::read(&folder).map(drop)?,
                 What::Scene => (files, bytes) = scenes::complete(&folder)?,
             }
@@ -227,6 +228,8 @@ enum What {
     Maps,
     /// A lookup table or a histogram.
     Table,
+    /// Limits of good sheets.
+    Limits,
     /// A scene with its files.
     Scene,
 }
@@ -244,6 +247,7 @@ fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
         What::Surface => ("height field", height::EXTENSIONS),
         What::Maps => ("map", &["exr"][..]),
         What::Table => ("table", &["exr"][..]),
+        What::Limits => ("file of limits", &["toml"][..]),
         What::Scene => ("file of a scene", scenes::EXTENSIONS),
         What::Photographs | What::Polarization => ("photograph", EXTENSIONS),
     };
@@ -298,11 +302,12 @@ fn kind(word: &str) -> Answer<What> {
         "surface" => Ok(What::Surface),
         "maps" => Ok(What::Maps),
         "table" => Ok(What::Table),
+        "limits" => Ok(What::Limits),
         "scene" => Ok(What::Scene),
         other => {
             let said = clip(other);
             Err(Problem::bad(format!(
-                "kind is {said:?}; give photographs, polarization, surface, maps, table or scene"
+                "kind is {said:?}; give photographs, polarization, surface, maps, table, limits or scene"
             )))
         }
     }

@@ -13,6 +13,11 @@ pub fn read_text(path: &Path, most: u64, remedy: &str) -> Result<String, Error> 
     String::from_utf8(bytes).map_err(|e| Error::file(path, format!("is no UTF-8 text: {}", e.utf8_error()), remedy))
 }
 
+/// A field of a CSV file, quoted as in RFC 4180.
+pub fn csv_field(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}
+
 /// Reads a value from JSON directly, without an intermediate tree, which would silently accept repeated keys.
 ///
 /// # Errors
@@ -90,5 +95,10 @@ mod tests {
             let problem = from_toml::<Outer>(text).unwrap_err();
             assert!(words.iter().all(|w| problem.contains(w)), "{problem}");
         }
+    }
+    #[test]
+    fn fields_are_quoted_where_they_must_be() {
+        assert_eq!(csv_field("12 frames"), "12 frames");
+        assert_eq!(csv_field("r 1.1, ζ 45°, \"clean\""), "\"r 1.1, ζ 45°, \"\"clean\"\"\"");
     }
 }

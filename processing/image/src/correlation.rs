@@ -38,6 +38,15 @@ impl Field {
 impl Correlation {
     /// `Σ a(x + d) b*(x)` over the geometric mean of the powers of both fields within their overlap; never NaN.
     pub fn of(a: &Field, b: &Field) -> Self {
+        Self::with(a, b, |sum| sum.re)
+    }
+
+    /// As [`Self::of`], but the magnitude of the complex sum, 0 to 1: a phase common to all pixels has no effect.
+    pub fn of_any_phase(a: &Field, b: &Field) -> Self {
+        Self::with(a, b, Complex32::norm)
+    }
+
+    fn with(a: &Field, b: &Field, size: fn(Complex32) -> f32) -> Self {
         let width = good_size(a.width + b.width);
         let height = good_size(a.height + b.height);
         let fourier = Fourier::new([width, height]);
@@ -58,12 +67,14 @@ impl Correlation {
             ]
         };
         let (of_a, of_b) = (parts(a), parts(b));
-        let product = |p: usize, q: usize| {
+        let product = |p: usize, q: usize, size: fn(Complex32) -> f32| {
             let both = of_a[p].iter().zip(&of_b[q]).map(|(a, b)| a * b.conj()).collect();
             let back: Vec<Complex32> = fourier.inverse(both);
-            back.into_iter().map(|v| v.re / (width * height) as f32).collect::<Vec<f32>>()
+            back.into_iter().map(|v| size(v) / (width * height) as f32).collect::<Vec<f32>>()
         };
-        let (same, power_a, power_b, overlap) = (product(0, 0), product(1, 2), product(2, 1), product(2, 2));
+        let real = |v: Complex32| v.re;
+        let (same, power_a, power_b, overlap) =
+            (product(0, 0, size), product(1, 2, real), product(2, 1, real), product(2, 2, real));
         let most = power_a.iter().chain(&power_b).copied().fold(f32::MIN_POSITIVE, f32::max);
         let likeness = (0..width * height).map(|i| {
             let both = (power_a[i].max(0.0) * power_b[i].max(0.0)).sqrt();

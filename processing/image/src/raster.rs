@@ -6,8 +6,8 @@ use super::fault::{Decoded, Fault};
 
 /// Longest side of an image, in pixels.
 pub const MAX_SIDE: usize = 65_535;
-/// Largest number of pixels of an image (64 Mpixel).
-pub const MAX_PIXELS: usize = 64 << 20;
+/// Largest number of pixels of an image (128 Mpixel).
+pub const MAX_PIXELS: usize = 128 << 20;
 /// Largest decoded image or image file in bytes (4 GiB).
 pub(super) const MAX_BYTES: u64 = 4 << 30;
 

@@ -2,13 +2,17 @@
 
 mod coarse;
 mod compare;
+mod content;
 mod defect;
+mod font;
 mod image;
 mod inspection;
 mod limits;
 mod operation;
 mod output;
 mod page;
+mod paper;
+mod pdf;
 mod pictures;
 mod refine;
 mod report;

@@ -40,9 +40,9 @@ displacement. Orientation, period, presence of a grating and brightness are comp
 deviations of both. Connected regions that differ are defects: missing, wrong orientation, wrong
 period, scratch or dirt.
 
-Writes report.json, report.html and difference.exr (differences, their σ, statistic, number of the
-defect); of a folder of samples, a subfolder for each, index.html and summary.csv. The exit code is
-1 if a sheet exceeds the limits."
+Writes report.json, report.html, report.pdf, defects.csv, pictures, and difference.exr (differences,
+their σ, statistic, number of the defect); of a folder of samples, a subfolder for each, index.html
+and summary.csv. The exit code is 1 if a sheet exceeds the limits."
 ))]
 pub struct Options {
     /// Reference: the results of a good sheet, or a design with orientations (result folder or EXR map).

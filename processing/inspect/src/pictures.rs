@@ -1,33 +1,63 @@
-//! Pictures of an inspection as data URIs.
+//! Pictures of an inspection, and the boxes around its defects.
 
 use crate::inspection::Inspection;
-use base64::Engine;
-use base64::prelude::BASE64_STANDARD;
-use nacre_image::{Canvas, MASKED, Palette, encode_png8, viridis};
+use crate::report::SheetReport;
+use nacre_image::{MASKED, Palette, encode_png8, viridis};
 
 /// Longest side of a picture in pixels; larger maps are thinned.
-const LONGEST: usize = 900;
-
-/// Shortest longest side: small maps are enlarged by whole factors.
-const SHORTEST: usize = 420;
-
-/// Colour of boxes around defects.
-const BOX: [u8; 3] = [230, 40, 40];
+const LONGEST: usize = 1024;
 
 /// Margin of a box in pixels of the map.
 const MARGIN: f64 = 4.0;
 
-/// A picture of a page.
+/// A picture of an inspection.
 pub struct Shown {
+    /// Name of its file.
+    pub file: &'static str,
     /// Title.
     pub title: &'static str,
     /// Explanation of the colours.
     pub text: String,
-    /// The picture as a data URI.
-    pub uri: String,
+    /// Pixels per row.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+    /// Red, green and blue of all pixels.
+    pub rgb: Vec<u8>,
 }
 
-/// Orientations of reference and sample, and the deviation, each with boxes around defects.
+impl Shown {
+    /// The picture as a PNG.
+    pub fn png(&self) -> Vec<u8> {
+        encode_png8(self.width, self.height, 3, &self.rgb).unwrap_or_default()
+    }
+}
+
+/// A square around a defect, in fractions of the picture's width and height.
+pub struct Marked {
+    /// Number of the defect, from 1.
+    pub number: usize,
+    /// Left and top.
+    pub corner: [f64; 2],
+    /// Width and height.
+    pub size: [f64; 2],
+}
+
+/// Squares around all defects of a sheet.
+pub fn marks(sheet: &SheetReport) -> Vec<Marked> {
+    let pixels = sheet.size_px.map(|n| n as f64);
+    let mark = |(k, defect): (usize, &crate::Defect)| {
+        let half = 0.5 * defect.size_px[0] + MARGIN;
+        let ends = [0, 1].map(|axis| {
+            let [low, high] = [-half, half].map(|reach| (defect.at_px[axis] + reach).clamp(0.0, pixels[axis]));
+            [low / pixels[axis], (high - low) / pixels[axis]]
+        });
+        Marked { number: k + 1, corner: ends.map(|e| e[0]), size: ends.map(|e| e[1]) }
+    };
+    sheet.defects.iter().enumerate().map(mark).collect()
+}
+
+/// Orientations of reference and sample, the deviation, and the brightness where it is known.
 pub fn pictures(found: &Inspection) -> Vec<Shown> {
     let differences = &found.differences;
     let palette = Palette::default();
@@ -40,11 +70,15 @@ pub fn pictures(found: &Inspection) -> Vec<Shown> {
     let deviation = |i: usize| if differences.compared[i] { viridis(differences.statistic[i] / top) } else { MASKED };
     let angles = "Pale yellow 0°, blue 45°, near black 90°, brown 135°; grey where there is no grating.";
     let mut all = vec![
-        shown(found, "Reference: orientation", angles.into(), &|i| orientation(differences.reference[i], i)),
-        shown(found, "Sample, registered: orientation", angles.into(), &|i| orientation(differences.sample[i], i)),
+        shown(found, ["sample.png", "Sample, registered: orientation"], angles.into(), &|i| {
+            orientation(differences.sample[i], i)
+        }),
+        shown(found, ["reference.png", "Reference: orientation"], angles.into(), &|i| {
+            orientation(differences.reference[i], i)
+        }),
         shown(
             found,
-            "Deviation",
+            ["deviation.png", "Deviation"],
             format!(
                 "Dark 0 to yellow {top:.0} standard deviations; threshold {:.2}. Grey: not compared.",
                 found.threshold
@@ -58,31 +92,21 @@ pub fn pictures(found: &Inspection) -> Vec<Shown> {
             if v.is_finite() { viridis(0.5 + v) } else { MASKED }
         };
         let text = "Dark 0.6, green 1, yellow 1.6 times the reference, after a smooth background.".into();
-        all.push(shown(found, "Brightness", text, &light));
+        all.push(shown(found, ["brightness.png", "Brightness"], text, &light));
     }
     all
 }
 
-fn shown(found: &Inspection, title: &'static str, text: String, color: &dyn Fn(usize) -> [u8; 3]) -> Shown {
-    let (width, height) = (found.differences.width, found.differences.height);
-    let longest = width.max(height);
-    let (step, zoom) = (longest.div_ceil(LONGEST).max(1), (SHORTEST / longest.max(1)).clamp(1, 16));
-    let (columns, rows) = (width.div_ceil(step), height.div_ceil(step));
-    let mut canvas = Canvas::new(columns * zoom, rows * zoom, MASKED);
-    for (x, y) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
-        canvas.rectangle(x * zoom, y * zoom, zoom, zoom, color(y * step * width + x * step));
-    }
-    let scale = zoom as f64 / step as f64;
-    for defect in &found.regions.defects {
-        let half = 0.5 * defect.size_px[0] + MARGIN;
-        let [left, top] = defect.at_px.map(|v| ((v - half) * scale).max(0.0) as usize);
-        let side = (2.0 * half * scale) as usize;
-        for (x, y, w, h) in
-            [(left, top, side, 2), (left, top + side, side + 2, 2), (left, top, 2, side), (left + side, top, 2, side)]
-        {
-            canvas.rectangle(x, y, w, h, BOX);
-        }
-    }
-    let png = encode_png8(canvas.width, canvas.height, 3, &canvas.rgb).unwrap_or_default();
-    Shown { title, text, uri: format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)) }
+fn shown(
+    found: &Inspection,
+    [file, title]: [&'static str; 2],
+    text: String,
+    color: &dyn Fn(usize) -> [u8; 3],
+) -> Shown {
+    let (columns, rows) = (found.differences.width, found.differences.height);
+    let step = columns.max(rows).div_ceil(LONGEST).max(1);
+    let (width, height) = (columns.div_ceil(step), rows.div_ceil(step));
+    let pixel = |i: usize| color(i / width * step * columns + i % width * step);
+    let rgb = (0..width * height).flat_map(pixel).collect();
+    Shown { file, title, text, width, height, rgb }
 }

@@ -1,7 +1,7 @@
 //! `report.json` of an inspection.
 
 use crate::compare::{Difference, Differences};
-use crate::defect::{Class, Defect};
+use crate::defect::{Class, Defect, Regions};
 use crate::inspection::{Inspection, Registration};
 use crate::limits::Limits;
 use crate::sheet::{Origin, Sheet};
@@ -75,6 +75,8 @@ pub struct SheetReport {
     pub largest_deviation: f64,
     /// Width and height of the reference in pixels.
     pub size_px: [usize; 2],
+    /// Size of a pixel of the reference in µm; `None` if unknown.
+    pub pixel_um: Option<f64>,
     /// Limitations of the inspection.
     pub warnings: Vec<String>,
 }
@@ -110,8 +112,7 @@ pub struct Report {
 impl SheetReport {
     /// The report of an inspection, without a verdict.
     pub fn new(reference: &Sheet, sample: &Sheet, found: &Inspection) -> Self {
-        let mut defects = found.regions.defects.clone();
-        defects.sort_by(|a, b| b.deviation.total_cmp(&a.deviation));
+        let defects = by_deviation(&found.regions).into_iter().map(|k| found.regions.defects[k].clone()).collect();
         let registration = found.registration.clone();
         let mut warnings = vec![];
         if !(reference.has_light && sample.has_light) {
@@ -137,6 +138,7 @@ impl SheetReport {
             threshold: found.threshold,
             largest_deviation: found.largest,
             size_px: [found.differences.width, found.differences.height],
+            pixel_um: reference.pixel_um,
             warnings,
         }
     }
@@ -149,10 +151,24 @@ impl SheetReport {
         self
     }
 
+    /// Centre of a defect in mm, right of and above the middle of the reference; `None` if the pixel size is unknown.
+    pub fn at_mm(&self, defect: &Defect) -> Option<[f64; 2]> {
+        let mm = self.pixel_um? / 1000.0;
+        let [x, y] = [0, 1].map(|k| (defect.at_px[k] - 0.5 * (self.size_px[k] as f64 - 1.0)) * mm);
+        Some([x, -y])
+    }
+
     /// Number of defects of a class.
     pub fn count(&self, class: Class) -> usize {
         self.defects.iter().filter(|d| d.class == class).count()
     }
+}
+
+/// Indices of the defects in the order of their numbers: largest deviation first.
+pub fn by_deviation(regions: &Regions) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..regions.defects.len()).collect();
+    order.sort_by(|a, b| regions.defects[*b].deviation.total_cmp(&regions.defects[*a].deviation));
+    order
 }
 
 impl AllDiffers {

@@ -4,7 +4,7 @@ use super::asset::{Kind, Map, Maps};
 use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::{Correlation, Field};
-use num_complex::Complex32;
+use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -179,7 +179,9 @@ fn placed(first: &Maps, other: &Maps) -> Option<([i64; 2], f64)> {
     let longest = first.width.max(first.height).max(other.width).max(other.height);
     let step = longest.div_ceil(LONGEST);
     let (a, b) = (field(first, kind, step)?, field(other, kind, step)?);
-    let all = Correlation::of(&a, &b);
+    // Orientations have an unknown common offset, which turns the phase of the sum.
+    let orientations = kind == Kind::Orientation;
+    let all = if orientations { Correlation::of_any_phase(&a, &b) } else { Correlation::of(&a, &b) };
     let enough = OVERLAP * a.mask.iter().sum::<f32>().min(b.mask.iter().sum::<f32>());
     if enough < 4.0 {
         return None;
@@ -197,13 +199,13 @@ fn placed(first: &Maps, other: &Maps) -> Option<([i64; 2], f64)> {
     let near: Vec<[i64; 2]> = (-reach..=reach)
         .flat_map(|v| (-reach..=reach).map(move |u| [coarse[0] * reach + u, coarse[1] * reach + v]))
         .collect();
-    let tried = near.into_par_iter().map(|d| (d, likeness(&a, &b, d, step)));
+    let tried = near.into_par_iter().map(|d| (d, likeness(&a, &b, d, step, orientations)));
     tried.max_by(|p, q| p.1.total_cmp(&q.1))
 }
 
 /// Correlation of two fields at a shift, from every `step`-th pixel along each axis.
-fn likeness(a: &Field, b: &Field, [dx, dy]: [i64; 2], step: usize) -> f64 {
-    let (mut same, mut of_a, mut of_b) = (0.0, 0.0, 0.0);
+fn likeness(a: &Field, b: &Field, [dx, dy]: [i64; 2], step: usize, any_phase: bool) -> f64 {
+    let (mut same, mut of_a, mut of_b) = (Complex64::default(), 0.0, 0.0);
     for y in (0..b.height).step_by(step) {
         for x in (0..b.width).step_by(step) {
             let [u, v] = [x as i64 + dx, y as i64 + dy];
@@ -212,12 +214,14 @@ fn likeness(a: &Field, b: &Field, [dx, dy]: [i64; 2], step: usize) -> f64 {
             }
             let (i, k) = (v as usize * a.width + u as usize, y * b.width + x);
             if a.mask[i] * b.mask[k] > 0.0 {
-                same += f64::from((a.values[i] * b.values[k].conj()).re);
+                let product = a.values[i] * b.values[k].conj();
+                same += Complex64::new(product.re.into(), product.im.into());
                 of_a += f64::from(a.values[i].norm_sqr());
                 of_b += f64::from(b.values[k].norm_sqr());
             }
         }
     }
+    let same = if any_phase { same.norm() } else { same.re };
     same / (of_a * of_b).sqrt().max(1e-30)
 }
 

@@ -127,7 +127,7 @@ impl Maps {
         let [width, height] = size;
         if width == 0 || height == 0 || width.saturating_mul(height) > MOST_PIXELS || width.max(height) > 65_535 {
             let problem = format!("would be {width} × {height}");
-            return Err(Error::input("map", problem, "ask for at most 64 Mpixel, and 65535 along a side"));
+            return Err(Error::input("map", problem, "ask for at most 128 Mpixel, and 65535 along a side"));
         }
         let pixel = |map: &Map, kind: Kind, i: usize| {
             let (x, y) = ((i % width) as f64, (i / width) as f64);

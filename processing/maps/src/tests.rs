@@ -297,6 +297,12 @@ fn maps_of_one_sample_are_laid_over_each_other() {
     assert!((period.sigmas.unwrap() - 0.866 / 0.6745 / 2.0_f64.sqrt()).abs() < 0.05, "{period:?}");
     assert_eq!(period.beyond, Some(0.0));
     assert_eq!([found.maps[1].1.width, found.maps[1].1.height], [61, 47]);
+    // Any offset of all orientations leaves the shift as it is.
+    let far = edit(&moved, &Options { orientation_offset_deg: Some(50.0), ..Options::default() }).unwrap();
+    let found = compare(vec![("whole".to_owned(), truth.clone()), ("part".to_owned(), far)], true).unwrap();
+    let part = &found.compared[1];
+    assert!(part.shift_px == [7, 5] && part.likeness > 0.9, "{part:?}");
+    assert!((part.orientation.as_ref().unwrap().offset - 53.0).abs() < 1e-4, "{part:?}");
     // Larger than the map used for coarse registration, with half the pixel size: the shift is found to the pixel.
     let large = maps(1300, 900);
     let fine = large.moved([-301, -222], [700, 500]).unwrap().resampled(2.0).unwrap();

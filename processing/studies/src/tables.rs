@@ -1,6 +1,7 @@
 //! The numbers behind a picture, as CSV.
 
 use super::{Axis, Summary};
+use nacre_base::text::csv_field;
 use std::fmt::Write;
 
 /// One line per setting and scene; missing values are empty fields. The header gives units in brackets.
@@ -35,7 +36,7 @@ pub(super) fn csv(summary: &Summary) -> String {
         &predicted,
         "on_front",
     ];
-    let mut text = header.map(quoted).join(",");
+    let mut text = header.map(csv_field).join(",");
     text.push('\n');
     let optional = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
     for p in &summary.points {
@@ -44,11 +45,11 @@ pub(super) fn csv(summary: &Summary) -> String {
         let _ = writeln!(
             text,
             "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
-            quoted(&setting.method),
-            quoted(&setting.label),
+            csv_field(&setting.method),
+            csv_field(&setting.label),
             setting.value,
             setting.default,
-            quoted(&scene.label),
+            csv_field(&scene.label),
             scene.value,
             p.runs,
             error(|e| e.median),
@@ -64,20 +65,4 @@ pub(super) fn csv(summary: &Summary) -> String {
         );
     }
     text
-}
-
-/// A text field, quoted as in RFC 4180.
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn fields_are_quoted_where_they_must_be() {
-        assert_eq!(quoted("12 frames"), "12 frames");
-        assert_eq!(quoted("r 1.1, ζ 45°, \"clean\""), "\"r 1.1, ζ 45°, \"\"clean\"\"\"");
-    }
 }

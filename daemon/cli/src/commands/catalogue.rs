@@ -2,6 +2,7 @@
 
 use crate::console::Console;
 use clap::Subcommand;
+use nacre_base::calendar::iso;
 use nacre_base::{Error, input};
 use nacre_capture::Failure;
 use nacre_capture::plan::PlanKind;
@@ -153,42 +154,8 @@ fn cells(row: &SessionRow) -> [String; 5] {
     [
         format!("{:?}", row.state).to_lowercase(),
         format!("{}/{}", row.frames_committed, row.frames_planned),
-        utc(row.created),
+        iso(row.created),
         if row.name.is_empty() { "-".into() } else { plain(&row.name) },
         plain(&row.folder),
     ]
-}
-
-/// ISO 8601 time from Unix seconds; counting years from March simplifies leap days.
-fn utc(seconds: i64) -> String {
-    let (days, second) = (seconds.div_euclid(86_400) + 719_468, seconds.rem_euclid(86_400));
-    let (era, day) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let day = day - (365 * year + year / 4 - year / 100);
-    let march = (5 * day + 2) / 153;
-    let day = day - (153 * march + 2) / 5 + 1;
-    let month = if march < 10 { march + 3 } else { march - 9 };
-    let year = 400 * era + year + i64::from(month <= 2);
-    let (hour, minute) = (second / 3600, second / 60 % 60);
-    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{:02}Z", second % 60)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        for (seconds, date) in [
-            (0, "1970-01-01T00:00:00Z"),
-            (-1, "1969-12-31T23:59:59Z"),
-            (951_782_400, "2000-02-29T00:00:00Z"),
-            (1_709_251_199, "2024-02-29T23:59:59Z"),
-            (1_709_251_200, "2024-03-01T00:00:00Z"),
-            (1_735_689_599, "2024-12-31T23:59:59Z"),
-            (4_107_542_400, "2100-03-01T00:00:00Z"),
-        ] {
-            assert_eq!(utc(seconds), date);
-        }
-    }
 }

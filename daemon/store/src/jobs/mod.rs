@@ -70,6 +70,23 @@ pub struct Spec {
     /// For the operation `lut`: an extended source.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light: Option<LightUpload>,
+    /// Results to work on.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub results: Vec<UsedResult>,
+    /// Results that options name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub named: Vec<UsedResult>,
+}
+
+/// A result that a job reads.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct UsedResult {
+    /// Id of a reconstruction, or of a session with its own results.
+    pub id: String,
+    /// Its name at the time of the request.
+    pub name: String,
+    /// Id of the session that it was made from.
+    pub session: Option<String>,
 }
 
 /// Uploaded photographs of a light's mirror image, in the format of `nacre reconstruct lut --light`.

@@ -1,6 +1,6 @@
 //! Jobs and requests in the formats of earlier versions.
 
-use super::{LightUpload, Spec};
+use super::{LightUpload, Spec, UsedResult};
 use nacre_capture::plan::Method;
 use nacre_polarimetry::{Options, PeriodMethod};
 use serde::Deserialize;
@@ -18,6 +18,10 @@ pub(super) struct Stored {
     session: Option<String>,
     upload: Option<String>,
     light: Option<LightUpload>,
+    #[serde(default)]
+    results: Vec<UsedResult>,
+    #[serde(default)]
+    named: Vec<UsedResult>,
     #[serde(flatten)]
     rest: Map<String, Value>,
 }
@@ -26,13 +30,13 @@ impl TryFrom<Stored> for Spec {
     type Error = String;
 
     fn try_from(stored: Stored) -> Result<Self, String> {
-        let Stored { id, name, operation, options, session, upload, light, rest } = stored;
+        let Stored { id, name, operation, options, session, upload, light, results, named, rest } = stored;
         let options = match options {
             Some(options) => options,
             None if operation.is("polarization") => polarization_options(rest)?,
             None => Map::new(),
         };
-        Ok(Self { id, name, operation, options, session, upload, light })
+        Ok(Self { id, name, operation, options, session, upload, light, results, named })
     }
 }
 

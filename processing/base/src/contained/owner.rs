@@ -22,8 +22,8 @@ const MESSAGES: usize = 16;
 const LINES: usize = 8;
 const LINE_BYTES: u64 = 1000;
 
-/// Maximum number of bytes after a message: the largest photograph (64 Mpixel, three channels of 32 bits).
-const MOST_BYTES: usize = 1 << 30;
+/// Maximum number of bytes after a message: the largest photograph (128 Mpixel, three channels of 32 bits).
+const MOST_BYTES: usize = 3 << 29;
 
 /// Signal numbers common to Linux, macOS and the BSDs.
 const SIGKILL: i32 = 9;

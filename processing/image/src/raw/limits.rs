@@ -16,8 +16,8 @@ use super::tags::{
 
 /// Largest raw file in bytes; it is read whole (the largest cameras write 300 MiB).
 pub(super) const MAX_FILE: u64 = 1 << 30;
-/// Largest number of samples of a mosaic: four per pixel of the picture.
-pub(super) const MAX_SAMPLES: u64 = 4 * MAX_PIXELS as u64;
+/// Largest number of samples of a mosaic: two per pixel of the largest picture.
+pub(super) const MAX_SAMPLES: u64 = 2 * MAX_PIXELS as u64;
 /// Bytes that a tag may claim regardless of the file's size. Maker notes contain tags that claim more than exists.
 pub(super) const HARMLESS: u64 = 64 << 20;
 /// Largest number of strips or tiles that are checked.

@@ -133,7 +133,7 @@ fn fits_that_is_not_read_is_refused_by_name() {
         &[0; 16],
     );
     says(&[fits(8, &[], &[], &[]), compressed].concat(), "compressed FITS image (fpack)");
-    says(&fits(8, &[60_000, 60_000], &[], &[0]), "more than 64 Mpixel");
+    says(&fits(8, &[60_000, 60_000], &[], &[0]), "more than 128 Mpixel");
     says(&fits(8, &[6000, 6000], &[], &[0]), "is truncated or damaged: the pixels end at byte 36002880");
     says(&fits(8, &[2, 2], &["BZERO   = many"], &[0; 4]), "BZERO is 'many', not a number");
     let whole = fits(8, &[2, 2], &[], &[0; 4]);
@@ -207,7 +207,7 @@ fn npy_that_is_not_read_is_refused_by_name() {
     says(&npy("|b1", false, "(1, 1)", &[0]), "of type '|b1'");
     says(&npy("<f2", false, "(3, 4, 5)", &[0; 120]), "shape (3, 4, 5)");
     says(&npy("<f2", false, "(3,)", &[0; 6]), "shape (3,)");
-    says(&npy("<f2", false, "(30000, 30000)", &[0; 6]), "more than 64 Mpixel");
+    says(&npy("<f2", false, "(30000, 30000)", &[0; 6]), "more than 128 Mpixel");
     says(&npy("<f2", false, "(3000, 3000)", &[0; 6]), "is truncated or damaged: the numbers end at byte");
     says(&[npy("|u1", false, "(1, 1)", &[0]), npy("|u1", false, "(1, 1)", &[0])].concat(), "more than one array");
     let records = npy("|u1", false, "(1, 1)", &[0]);

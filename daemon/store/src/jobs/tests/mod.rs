@@ -36,6 +36,8 @@ fn spec(model: &str) -> Spec {
         session: Some("s1".into()),
         upload: None,
         light: None,
+        results: vec![],
+        named: vec![],
         operation: Method::default(),
         options: options(json!({ "model": model, "offset_deg": 1.25, "palette": "hsv" })),
     }
