@@ -33,6 +33,7 @@ mod renders;
 mod results;
 mod router;
 mod runs;
+mod scene_editing;
 mod scenes;
 mod session_data;
 mod session_doc;
