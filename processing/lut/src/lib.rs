@@ -4,6 +4,7 @@
 pub mod bokeh;
 mod choose;
 pub mod foil;
+mod figure;
 mod geometry;
 mod input;
 mod kernel;
