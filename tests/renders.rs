@@ -253,7 +253,8 @@ fn scenes_start_from_the_gallery_or_from_a_result() {
     edited["material"]["sample"]["diffraction"]["maps"] = json!("foil");
     let checked = service.post(&path, &json!({ "scene": edited })).expect(200).json();
     assert!(checked["problem"].is_null() && checked["scene"] == edited, "{checked}");
-    let draft = service.post(&format!("{path}/draft"), &json!({ "toml": checked["toml"], "side": 20 })).expect(200).body;
+    let draft =
+        service.post(&format!("{path}/draft"), &json!({ "toml": checked["toml"], "side": 20 })).expect(200).body;
     let draft = image::load_from_memory(&draft).unwrap();
     assert_eq!((draft.width(), draft.height()), (1, 20));
     let options = json!({ "samples": 4, "max_error": 1, "scene": checked["toml"] });
@@ -355,7 +356,10 @@ fn a_person_edits_and_renders_a_scene() {
     enter(&browser, "camera-fov", "16");
     browser.choose("camera-size", "180×180");
     browser.click("[aria-label=\"Around to the right\"]");
-    until_text(&browser, "text.includes('fov_deg = 16') && text.includes('width = 180') && !text.includes('position = [0, 0, 500]')");
+    until_text(
+        &browser,
+        "text.includes('fov_deg = 16') && text.includes('width = 180') && !text.includes('position = [0, 0, 500]')",
+    );
     browser.until("document.querySelector('#scene-estimate').innerText.includes('At most')");
     enter(&browser, "scene-text", "[camera");
     browser.until("document.querySelector('#scene-problems').innerText.includes('line 1')");
@@ -372,7 +376,9 @@ fn a_person_edits_and_renders_a_scene() {
     browser.until("document.querySelector('#so-far')?.naturalWidth === 180");
     let first = browser.run("return document.querySelector('#so-far').src");
     browser.until(&format!("document.querySelector('#so-far').src !== '{}'", first.as_str().unwrap()));
-    browser.until("document.querySelector('.figures').innerText.includes('to go') && document.querySelector('.noise .curve')");
+    browser.until(
+        "document.querySelector('.figures').innerText.includes('to go') && document.querySelector('.noise .curve')",
+    );
     browser.both("render-progress");
     browser.click("#keep-so-far");
     browser.until("document.querySelector('#result-picture')?.naturalWidth === 180");

@@ -15,12 +15,14 @@ export function sceneDraft(doc, signal) {
   const state = h("p", { class: "soft", role: "status", "aria-live": "polite" });
   const element = h("div", { class: "stack" }, h("div", { class: "well draft" }, image), state);
   let newest = new AbortController();
-  let shown = "";
+  // Text of the shown draft, and its description.
+  let [shown, drawn] = ["", ""];
 
   const draw = settle(WAIT, async () => {
     const { toml, problem } = doc.now();
-    if (toml === null || toml === shown) return;
+    if (toml === null) return;
     newest.abort();
+    if (toml === shown) return say(state, drawn);
     if (problem) return say(state, "The draft follows once the scene can be rendered.");
     const mine = (newest = new AbortController());
     image.classList.add("busy");
@@ -32,7 +34,8 @@ export function sceneDraft(doc, signal) {
       });
       show(image, await answer.blob());
       shown = toml;
-      say(state, `Draft of 8 samples per pixel, ${((performance.now() - begun) / 1000).toFixed(1)} s.`);
+      drawn = `Draft of 8 samples per pixel, ${((performance.now() - begun) / 1000).toFixed(1)} s.`;
+      say(state, drawn);
     } catch (error) {
       if (error.name === "AbortError") return;
       say(state, `No draft: ${error.message}`);

@@ -16,6 +16,14 @@ const WITH_MAPS = ["polarization", "flash", "spots", "map", "lut", "foil"];
 /** Where an unsaved scene waits for a reload of the page. */
 const kept = (upload) => `nacre-scene-${upload}`;
 
+function stored(upload) {
+  try {
+    return sessionStorage.getItem(kept(upload)) || undefined;
+  } catch {
+    return undefined;
+  }
+}
+
 /** Uploads what a scene starts from or needs; resolves to the new upload. */
 export async function uploadScene(parts, signal) {
   const form = new FormData();
@@ -45,9 +53,23 @@ export async function sceneEditor(main, upload, { text, given = {}, signal }) {
   const hinted = h("details", { hidden: true }, h("summary", {}, "Defaults that decide the picture"), hints);
   const source = h("textarea", { class: "code", id: "scene-text", rows: 18, spellcheck: "false", "aria-label": "Scene as TOML", onchange: typed });
   const download = h("button", { type: "button", onclick: () => save(new Blob([doc.now().toml ?? ""], { type: "application/toml" }), "scene.toml") }, "Download scene.toml");
-  options.element.addEventListener("change", () => weigh());
+  // Text of the focused field when it got the focus.
+  let typedFrom = "";
+  const order = () => ({ session: null, upload: doc.upload, options: { ...options.options(), scene: doc.now().toml } });
 
-  await doc.load(text ?? sessionStorage.getItem(kept(upload)) ?? undefined);
+  const weigh = settle(300, async () => {
+    const { toml, problem } = doc.now();
+    if (toml === null || problem || signal.aborted) return say(estimate, "");
+    try {
+      const { seconds, memory_bytes: memory } = await post("/reconstructions/estimate", { ...order(), method: "render" }, { signal });
+      say(estimate, `At most about ${duration(seconds)}, ${bytes(memory)} of memory`);
+    } catch (refused) {
+      if (refused.name !== "AbortError") say(estimate, refused.message);
+    }
+  });
+
+  options.element.addEventListener("change", () => weigh());
+  await doc.load(text ?? stored(upload));
   if (signal.aborted) return;
   main.append(
     h("div", { class: "head" }, title, undo, redo, h("a", { class: "button", href: "#/render" }, "Other scene"), start),
@@ -60,7 +82,6 @@ export async function sceneEditor(main, upload, { text, given = {}, signal }) {
         panel("More materials and files", null, more()),
         panel("Text", download, h("details", {}, h("summary", {}, "Scene as TOML"), source)))));
   addEventListener("keydown", keys, { signal });
-  let typedFrom = "";
   main.addEventListener("focusin", (event) => (typedFrom = /** @type {HTMLInputElement} */ (event.target).value ?? ""), { signal });
 
   /** Ctrl+Z within a field that is being typed in is the field's own. */
@@ -105,19 +126,6 @@ export async function sceneEditor(main, upload, { text, given = {}, signal }) {
       complain(problem);
     }
   }
-
-  const order = () => ({ session: null, upload: doc.upload, options: { ...options.options(), scene: doc.now().toml } });
-
-  const weigh = settle(300, async () => {
-    const { toml, problem } = doc.now();
-    if (toml === null || problem || signal.aborted) return say(estimate, "");
-    try {
-      const { seconds, memory_bytes: memory } = await post("/reconstructions/estimate", { ...order(), method: "render" }, { signal });
-      say(estimate, `At most about ${duration(seconds)}, ${bytes(memory)} of memory`);
-    } catch (refused) {
-      if (refused.name !== "AbortError") say(estimate, refused.message);
-    }
-  });
 
   async function render() {
     start.disabled = true;

@@ -4,7 +4,8 @@ use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
     App, access, charts, connections, deletion, devices, display, map_list, map_regions, measure, naming, operations,
-    plans, reconstructions, renders, results, scene_editing, session_data, sessions, stored_uploads, tiles, trash, uploads, view,
+    plans, reconstructions, renders, results, scene_editing, session_data, sessions, stored_uploads, tiles, trash,
+    uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};

@@ -91,8 +91,9 @@ pub async fn check(
     let folder = app.existing_upload(&id)?;
     let toml = match body {
         SceneBody { toml: Some(toml), scene: None } => toml,
-        SceneBody { toml: None, scene: Some(scene) } => toml::to_string(&scene)
-            .map_err(|e| Problem::bad(format!("the scene cannot be written as TOML: {e}")).remedy("fill all numbers"))?,
+        SceneBody { toml: None, scene: Some(scene) } => toml::to_string(&scene).map_err(|e| {
+            Problem::bad(format!("the scene cannot be written as TOML: {e}")).remedy("fill all numbers")
+        })?,
         _ => return Err(Problem::bad("give either toml or scene")),
     };
     blocking(move || Ok(Json(checked(toml, &folder)))).await

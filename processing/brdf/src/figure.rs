@@ -32,8 +32,10 @@ pub fn figure(map: &Map, settings: &Settings) -> Result<String> {
     let limits = limits(map);
     let [colors, shades] = [codes(map), luminance(map, limits)].map(|rgb| encoded(&rgb, map.size));
     let [theta, phi] = settings.light_deg;
-    let word = "BRDF";
-    let title = format!("Light from θ = {theta}°, φ = {phi}° ({}), coherence {} µm", settings.illuminant, settings.coherence_um);
+    let title = format!(
+        "Light from θ = {theta}°, φ = {phi}° ({}), coherence {} µm",
+        settings.illuminant, settings.coherence_um
+    );
     let light = [phi.to_radians().cos(), phi.to_radians().sin()].map(|v| theta.to_radians().sin() * v);
     let panels = [(colors?, "Colours, brightest parts compressed"), (shades?, "Luminance")];
     for ((png, name), left) in panels.iter().zip(LEFT) {
@@ -52,7 +54,7 @@ pub fn figure(map: &Map, settings: &Settings) -> Result<String> {
     };
     let bar = Area::new(LEFT[1] + SQUARE + 18.0, TOP, 20.0, SQUARE);
     log_color_bar(&mut svg, bar, limits, unit, &|t| viridis(t as f32));
-    Ok(svg.finish(&format!("{word} over directions of view. {title}")))
+    Ok(svg.finish(&format!("BRDF over directions of view. {title}")))
 }
 
 /// Smallest and largest luminance of the colour bar.
@@ -80,7 +82,8 @@ fn encoded(rgb: &[u8], size: usize) -> Result<Vec<u8>> {
     let step = size.div_ceil(SIDE);
     let side = size / step;
     let mean = |x: usize, y: usize, c: usize| {
-        let block = (0..step * step).map(|k| u32::from(rgb[3 * ((y * step + k / step) * size + x * step + k % step) + c]));
+        let block =
+            (0..step * step).map(|k| u32::from(rgb[3 * ((y * step + k / step) * size + x * step + k % step) + c]));
         (block.sum::<u32>() / (step * step) as u32) as u8
     };
     let small: Vec<u8> = (0..side * side).flat_map(|k| [0, 1, 2].map(|c| mean(k % side, k / side, c))).collect();

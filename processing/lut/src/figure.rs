@@ -31,8 +31,7 @@ pub(super) fn figure(grid: &Grid, luminance: &dyn Fn(usize, usize) -> f32, illum
     };
     // Rows and columns of the picture are even in the half vector, whatever the warp of the table.
     let entry: Vec<usize> = (0..SIDE).map(|k| grid.entry((2.0 * k as f64 + 1.0) / SIDE as f64 - 1.0)).collect();
-    let rgb: Vec<u8> =
-        (0..SIDE * SIDE).flat_map(|k| color(luminance(entry[k % SIDE], entry[k / SIDE]))).collect();
+    let rgb: Vec<u8> = (0..SIDE * SIDE).flat_map(|k| color(luminance(entry[k % SIDE], entry[k / SIDE]))).collect();
     let png = encode_png8(SIDE, SIDE, 3, &rgb).map_err(|e| Error::output(Path::new("figure"), e))?;
     let mut svg = Svg::new(640.0, 520.0);
     let area = Area::new(76.0, 40.0, 420.0, 420.0);

@@ -3,8 +3,8 @@
 
 pub mod bokeh;
 mod choose;
-pub mod foil;
 mod figure;
+pub mod foil;
 mod geometry;
 mod input;
 mod kernel;

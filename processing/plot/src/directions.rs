@@ -30,10 +30,7 @@ pub struct Directions<'a> {
 impl Directions<'_> {
     fn rulers(&self) -> [Ruler; 2] {
         let (a, [x, y], half) = (self.area, self.center, self.half);
-        [
-            Ruler::exact(x - half, x + half, a.x, a.x + a.w),
-            Ruler::exact(y - half, y + half, a.y + a.h, a.y),
-        ]
+        [Ruler::exact(x - half, x + half, a.x, a.x + a.w), Ruler::exact(y - half, y + half, a.y + a.h, a.y)]
     }
 
     fn shows(&self, at: [f64; 2]) -> bool {
@@ -67,19 +64,15 @@ impl Directions<'_> {
         let on = |azimuth: f64| [radius * azimuth.to_radians().cos(), radius * azimuth.to_radians().sin()];
         // Parts of the ring in a strongly enlarged square are shorter than a degree.
         let step = (60.0 * self.half).clamp(1e-3, 1.0);
-        let mut run: Vec<[f64; 2]> = vec![];
-        for k in 0..=(360.0 / step).round() as usize {
-            let at = on(k as f64 * step);
-            if self.shows(at) {
-                run.push([x.at(at[0]), y.at(at[1])]);
-            } else if !run.is_empty() {
-                svg.polyline(&std::mem::take(&mut run), &format!("fill=\"none\" {}", stroke(ink, 0.9)));
-            }
+        let ring: Vec<[f64; 2]> = (0..=(360.0 / step).round() as usize).map(|k| on(k as f64 * step)).collect();
+        let visible = || ring.split(|at| !self.shows(*at)).filter(|run| run.len() > 1);
+        for run in visible() {
+            let points: Vec<[f64; 2]> = run.iter().map(|at| [x.at(at[0]), y.at(at[1])]).collect();
+            svg.polyline(&points, &format!("fill=\"none\" {}", stroke(ink, 0.9)));
         }
-        if run.len() > 1 {
-            svg.polyline(&run, &format!("fill=\"none\" {}", stroke(ink, 0.9)));
-        }
-        if let Some(at) = LABELS.into_iter().map(on).find(|at| degrees < 90.0 && self.shows(*at)) {
+        let usual = LABELS.into_iter().map(on).find(|at| self.shows(*at));
+        let label = usual.or_else(|| visible().next().map(|run| run[run.len() / 2]));
+        if let Some(at) = label.filter(|_| degrees < 90.0) {
             let text = format!("{}°", number(degrees));
             svg.text([x.at(at[0]) + 3.0, y.at(at[1]) - 3.0], &text, 12.0, Anchor::Start, &fill(ink));
         }

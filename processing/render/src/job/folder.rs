@@ -176,7 +176,9 @@ impl Operation for Options {
         out.write("scene.toml", text.as_bytes())?;
         let (noise, wanted) = (report.noise, self.max_error);
         if progress.is_enough() {
-            report.warnings.push(format!("stopped on request at a noise of {noise:.2e} of the mean; {wanted} was asked for"));
+            report
+                .warnings
+                .push(format!("stopped on request at a noise of {noise:.2e} of the mean; {wanted} was asked for"));
         } else if noise > wanted {
             report.warnings.push(format!(
                 "the noise is {noise:.2e} of the mean, more than the {wanted} asked for: allow more samples"
