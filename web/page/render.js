@@ -50,13 +50,13 @@ function choose(main, signal) {
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "File"), h("th", { scope: "col", class: "number" }, "Size"), h("th", { scope: "col" }))), body);
   const begin = h("button", { type: "button", id: "scene-open", disabled: true, onclick: () => open(files.map((file) => ["file", file, file.name]), `Uploading ${bytes(files.reduce((sum, file) => sum + file.size, 0))}…`) }, "Open the scene");
-  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Render a scene")), problems, progress,
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Render a scene")), h("div", { class: "stack" }, problems, progress,
     panel("To start from", room, h("p", { class: "soft" }, "Measured surfaces are not needed: the maps of these scenes are made by formulas."), h("div", { class: "scene-choices" }, tiles)),
     panel("Your own", null, h("div", { class: "stack" },
       h("p", { class: "soft" }, "One scene (TOML) and every file that it names: maps, tables, meshes, environments. They lie side by side, so that the scene gives plain names."),
       h("div", { class: "drop", ondragover: (event) => event.preventDefault(), ondrop: (event) => { event.preventDefault(); add(event.dataTransfer.files); } },
         field("The scene and its files", input, { hint: "Or drop them here. On the command line, nacre schema scene describes all keys." })),
-      h("div", { class: "scroll tall" }, listing), begin)));
+      h("div", { class: "scroll tall" }, listing), h("p", {}, begin)))));
 
   function add(more) {
     const names = new Set([...more].map((file) => file.name));

@@ -74,12 +74,12 @@ export async function sceneEditor(main, upload, { text, given = {}, signal }) {
   main.append(
     h("div", { class: "head" }, title, undo, redo, h("a", { class: "button", href: "#/render" }, "Other scene"), start),
     h("div", { class: "columns scene" },
-      h("div", { class: "stack" },
-        panel("Camera and picture", estimate, h("div", { class: "stack" }, camera.element, problems, draft.element, camera.around)),
-        panel("Options of the picture", null, options.element)),
+      h("div", { class: "beside" },
+        panel("Camera and picture", estimate, h("div", { class: "stack" }, camera.element, problems, draft.element, camera.around))),
       h("div", { class: "stack" },
         panel("Scene", null, h("div", { class: "stack" }, tree.list, h("hr"), tree.form, hinted)),
         panel("More materials and files", null, more()),
+        panel("Options of the picture", null, options.element),
         panel("Text", download, h("details", {}, h("summary", {}, "Scene as TOML"), source)))));
   addEventListener("keydown", keys, { signal });
   main.addEventListener("focusin", (event) => (typedFrom = /** @type {HTMLInputElement} */ (event.target).value ?? ""), { signal });

@@ -21,7 +21,8 @@ function titleOf(group, part, at) {
   if (group === "material") return String(at);
   const name = named(part.type ?? "part");
   if (group === "shape") return `${name} of ${part.material ?? "no material"}`;
-  const where = part.position ?? part.center ?? part.direction;
+  const where = part.position ?? part.center;
+  if (part.direction) return `${name} from ${vector(part.direction)}`;
   return where ? `${name} at ${vector(where)}` : `${name}${part.file ? ` ${part.file}` : ""}`;
 }
 
@@ -109,7 +110,7 @@ export function sceneTree(doc, schema) {
   function show(title, ...content) {
     const fixed = ["camera", "scene"].includes(String(chosen[0]));
     const remove = fixed ? null : h("button", { type: "button", class: "danger", id: "remove-part", onclick: () => doc.edit((scene) => removePart(scene, chosen)) }, "Remove");
-    form.replaceChildren(h("div", { class: "row between" }, h("h3", {}, title), remove), ...content);
+    form.replaceChildren(h("div", { class: "row between" }, h("h3", {}, title), remove), ...content.filter((part) => part !== null));
   }
 
   function plainForm(title, part, given, own, without) {
@@ -159,7 +160,7 @@ export function sceneTree(doc, schema) {
     const kind = kinds.get(part.type);
     const made = schemaForm("part", kind ?? {}, part, own);
     const list = select([...kinds.keys()].map((word) => [word, named(word)]), part.type, { id: "part-kind", "data-own": "", onchange: () => {
-      const common = Object.entries(part).filter(([name]) => name !== "type" && kinds.get(list.value).properties[name]);
+      const common = Object.entries(partAt(doc.now().scene, chosen)).filter(([name]) => name !== "type" && kinds.get(list.value).properties[name]);
       doc.edit((scene) => putPart(scene, chosen, { type: list.value, ...structuredClone(STARTS[group][list.value]), ...Object.fromEntries(common) }));
     } });
     read = () => doc.edit((scene) => putPart(scene, chosen, { type: part.type, ...made.value() }), self);
