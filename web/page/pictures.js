@@ -25,6 +25,7 @@ const MEANING = {
   "before-after.png": "Before on the left, after on the right, in the same colours.",
   "render.png": "The scene as a screen shows it: what is brighter than white is compressed, colours that no screen has are paler. Measure on render.exr.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
+  "figure.png": "For publications, also as figure.svg: angles or half vectors on the axes, luminance on a logarithmic scale with the limits of its colours.",
 };
 
 /** Files that a scene can show. */
