@@ -1,5 +1,5 @@
-//! `/api/v1/uploads/{id}/scene`: the scene of an upload while it is edited. Checks convert between TOML and JSON, drafts
-//! show it; uploads themselves never change, and renderings take the edited text as the option `scene`.
+//! `/api/v1/uploads/{id}/scene`: the scene of an upload while it is edited. Checks convert between TOML and JSON, and
+//! drafts show it. Uploads never change: renderings take the edited text as the option `scene`.
 
 use super::problem::{Answer, Problem};
 use super::{App, At, Body, blocking, files, naming, work};

@@ -29,9 +29,9 @@ pub struct Start {
 }
 
 impl Start {
-    /// Adds a part to the folder of a scene: a `gallery` scene by its name, the files of an `upload` or the maps of a
-    /// `result` by its id; or notes the `folder` of the next result. Returns the name of the scene, upload or result
-    /// from which the scene starts.
+    /// Adds a part to the folder of a scene: a `gallery` scene by its name, the files of an `upload` by its id, or the
+    /// maps of a `result`. A part `folder` only names the subfolder of the next result. Returns the name of the scene,
+    /// upload or result from which the scene starts.
     ///
     /// # Errors
     /// `bad-request` for unknown scenes, results without maps and a second start; `not-found` for unknown ids.

@@ -150,8 +150,8 @@ impl Operation for Options {
         Ok(work(&scene, self))
     }
 
-    /// Writes `render.exr`, `render.png`, and the scene as `scene.toml`. Previews are shown at most once a second and take at most a twentieth of
-    /// the time.
+    /// Writes `render.exr`, `render.png`, and the scene as `scene.toml`. Previews are shown at most once a second and
+    /// take at most a twentieth of the time.
     fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Written> {
         let text = self.text(input)?;
         let scene = Scene::beside(&text, input)?;
