@@ -10,7 +10,7 @@ const GROUPS = [["shape", "Shapes"], ["light", "Lights"], ["material", "Material
 const AT_TOP = ["position", "target", "fov_deg", "width", "height"];
 const PARTS = ["version", "camera", "shape", "light", "material"];
 /** Keys that name files, by the endings of these. */
-const FILE_KEYS = { file: /\.(exr|hdr|obj|ply|gltf|glb|png|tiff?|txt|asc|csv|dat)$/i, maps: /\.exr$/i, albedo: /\.(exr|png|jpe?g|tiff?|bmp)$/i, normals: /\.(exr|png|tiff?)$/i, coverage: /\.(exr|png|jpe?g|tiff?|bmp)$/i };
+const FILE_KEYS = { file: /\.(exr|hdr|obj|ply|gltf|glb|png|tiff?|txt|asc|csv|dat)$/i, albedo: /\.(exr|png|jpe?g|tiff?|bmp)$/i, normals: /\.(exr|png|tiff?)$/i, coverage: /\.(exr|png|jpe?g|tiff?|bmp)$/i };
 
 const key = (place) => place.join("/");
 const vector = (values) => (values ?? []).map(plain).join(", ");
@@ -29,11 +29,13 @@ function titleOf(group, part, at) {
 /** The schema with the names of this scene's materials and files where it asks for them. */
 function tailored(schema, scene, files) {
   const own = structuredClone(schema);
+  const folders = [...new Set(files.filter((file) => file.endsWith(".exr")).map((file) => file.split("/").slice(0, -1).join("/") || file))];
   const walk = (/** @type {any} */ at) => {
     if (!at || typeof at !== "object") return;
     for (const [name, property] of Object.entries(at.properties ?? {})) {
       if (name === "material" && property.type === "string") property.enum = Object.keys(scene.material ?? {});
-      if (FILE_KEYS[name]) property.examples = files.filter((file) => FILE_KEYS[name].test(file));
+      if (name === "maps") property.examples = folders;
+      else if (FILE_KEYS[name]) property.examples = files.filter((file) => FILE_KEYS[name].test(file));
     }
     Object.values(at).forEach(walk);
   };
