@@ -53,3 +53,7 @@ timings:
 dist:
     cargo build --profile dist --locked --features v4l2,raw
     daemon/debian/build
+
+# Tiles of the gallery on the render page
+thumbnails:
+    cargo run --release -p nacre-processing --example thumbnails -- web/page/gallery.jpg

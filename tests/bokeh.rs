@@ -68,6 +68,7 @@ fn lines_slits_and_scale_are_those_of_the_scene() {
     }
     let table = std::fs::read_to_string(out.join("slice.csv")).unwrap();
     assert_eq!(table.lines().count(), 385);
+    assert!(table.starts_with("position_px,position_um,light,light_sigma,height_"), "{table}");
     assert!(nacre(args(&photo.join("photograph.png"), &out, &all)).expect(2).stderr().contains("--force"));
     nacre(args(&photo.join("photograph.png"), &out, &[&all[..], &["--overwrite"]].concat())).expect(0);
 }

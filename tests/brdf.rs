@@ -76,6 +76,9 @@ fn a_map_shows_violet_near_the_mirror_direction_and_red_far_from_it() {
     }
     let json: Value = serde_json::from_slice(&std::fs::read(dir.join("map.json")).unwrap()).unwrap();
     assert_eq!(json["product"], "map");
+    let figure = std::fs::read_to_string(dir.join("map.figure.svg")).unwrap();
+    assert!(["15°", "75°", "mirror", "1/sr"].iter().all(|word| figure.contains(word)), "rings and a colour bar");
+    assert_eq!(image::image_dimensions(dir.join("map.figure.png")).unwrap(), (2360, 1096));
     let picture = image::open(dir.join("map.png")).unwrap();
     assert_eq!((picture.width(), picture.height()), (401, 401));
     // Existing files are not overwritten without --force.

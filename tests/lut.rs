@@ -72,7 +72,7 @@ fn a_table_puts_each_wavelength_where_its_orders_lie() {
     // The line is 1 nm wide (half maximum), and orders are known to three pixels.
     let error = f64::sqrt(square / all);
     assert!(error < 0.01, "{error}");
-    for name in ["lut.png", "coverage.png", "profile.csv", "report.json"] {
+    for name in ["lut.png", "figure.svg", "figure.png", "coverage.png", "profile.csv", "report.json"] {
         assert!(out.join(name).is_file(), "{name}");
     }
     // Existing files are not overwritten without --force.

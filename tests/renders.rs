@@ -137,6 +137,16 @@ fn a_picture_is_seen_while_it_is_made_and_given_up() {
     assert_eq!(ended(&service, &job)["state"], "cancelled");
     assert!(service.get(&format!("{job}/picture.png")).expect(404).text().contains("no picture yet"));
     assert!(listing(&place.path("data/reconstructions")).is_empty());
+    // Another one is kept as it is when it is stopped.
+    let kept = rendered(&service, &sent, &json!({ "samples": 1_000_000, "max_error": 0.00001 }));
+    service.until(&kept, |r| r["so_far"]["noise"].as_f64().is_some());
+    service.post(&format!("{kept}/finish"), &json!({})).expect(202);
+    let done = ended(&service, &kept);
+    assert!(done["state"] == "done" && done["report"]["noise"].as_f64() > Some(0.00001), "{done}");
+    assert!(done["report"]["warnings"].to_string().contains("stopped on request"), "{done}");
+    let whole = service.get(&format!("{kept}/picture.png")).expect(200).body;
+    assert_eq!(image::load_from_memory(&whole).unwrap().width(), 160);
+    service.post(&format!("{kept}/finish"), &json!({})).expect(409);
 }
 
 #[test]
@@ -230,6 +240,39 @@ fn scenes_start_from_the_gallery_or_from_a_result() {
     let upload = sent(&[("result", "", session.as_bytes())]).expect(201).json();
     let done = ended(&service, &rendered(&service, &upload, &json!({ "samples": 16, "max_error": 0.5 })));
     assert_eq!(done["state"], "done", "{done}");
+    // An edited text of that upload, with another material's maps in a subfolder of a copy of it.
+    let id = |doc: &Value| doc["id"].as_str().unwrap().to_owned();
+    let more = [("upload", "", id(&upload)), ("folder", "", "foil".into()), ("result", "", session.clone())];
+    let more = sent(&more.iter().map(|(part, file, value)| (*part, *file, value.as_bytes())).collect::<Vec<_>>());
+    let more = more.expect(201).json();
+    let path = format!("/api/v1/uploads/{}/scene", id(&more));
+    let read = service.get(&path).expect(200).json();
+    assert!(read["files"].to_string().contains("foil/orientation.exr") && read["problem"].is_null(), "{read}");
+    let mut edited = read["scene"].clone();
+    edited["camera"]["width"] = json!(30);
+    edited["material"]["sample"]["diffraction"]["maps"] = json!("foil");
+    let checked = service.post(&path, &json!({ "scene": edited })).expect(200).json();
+    assert!(checked["problem"].is_null() && checked["scene"] == edited, "{checked}");
+    let draft =
+        service.post(&format!("{path}/draft"), &json!({ "toml": checked["toml"], "side": 20 })).expect(200).body;
+    let draft = image::load_from_memory(&draft).unwrap();
+    assert_eq!((draft.width(), draft.height()), (1, 20));
+    let options = json!({ "samples": 4, "max_error": 1, "scene": checked["toml"] });
+    let done = ended(&service, &rendered(&service, &more, &options));
+    assert_eq!(done["report"]["size"][0], 30, "{done}");
+    let text = service.get(&format!("/api/v1/reconstructions/{}/files/scene.toml", id(&done))).expect(200).text();
+    assert_eq!(json!(text), checked["toml"]);
+    // Problems are named by key; nothing outside of the upload can be reached.
+    for (toml, word) in [("[camera", "line 1"), ("[camera]\nfov = 2", "fov"), ("", "camera")] {
+        let checked = service.post(&path, &json!({ "toml": toml })).expect(200).json();
+        assert!(checked["problem"].as_str().unwrap().contains(word), "{checked}");
+    }
+    edited["material"]["sample"]["diffraction"]["maps"] = json!("../x");
+    let checked = service.post(&path, &json!({ "scene": edited })).expect(200).json();
+    assert!(checked["problem"].as_str().unwrap().contains("outside"), "{checked}");
+    service.post(&format!("{path}/draft"), &json!({ "toml": checked["toml"] })).expect(400);
+    service.post(&path, &json!({})).expect(400);
+    sent(&[("folder", "", b"../x"), ("result", "", session.as_bytes())]).expect(400);
     // The same maps in a custom scene.
     let scene = SCENE
         .replace("\"albedo.exr\"", "[0.05, 0.05, 0.05]")
@@ -242,65 +285,166 @@ fn scenes_start_from_the_gallery_or_from_a_result() {
     assert!(sent(&[("result", "", job.as_bytes())]).expect(400).text().contains("orientation.exr"));
 }
 
-/// On the page, in headless Chromium.
+/// Changes a field of the page as a person does.
+fn enter(browser: &Browser, id: &str, value: &str) {
+    browser.run(&format!(
+        "const f = document.getElementById('{id}'); f.focus(); f.value = '{value}'; f.dispatchEvent(new Event('change', {{ bubbles: true }}));"
+    ));
+}
+
+/// Waits until the service has answered an edit and the text of the scene satisfies a condition.
+fn until_text(browser: &Browser, condition: &str) {
+    browser.until(&format!("((text) => {condition})(document.querySelector('#scene-text').value)"));
+}
+
+/// Presses Ctrl (and Shift) with Z.
+fn undo(browser: &Browser, again: bool) {
+    let shift = if again { "true" } else { "false" };
+    browser.run(&format!(
+        "document.activeElement.dispatchEvent(new KeyboardEvent('keydown', {{ key: 'z', ctrlKey: true, shiftKey: {shift}, bubbles: true, cancelable: true }}));"
+    ));
+}
+
+/// On the page, in headless Chromium: a scene of the gallery is edited, drafted, rendered, kept early and edited again.
 #[test]
-fn a_person_renders_scenes() {
+fn a_person_edits_and_renders_a_scene() {
+    let Some(browser) = Browser::start() else { return };
+    let place = Place::with_bench("", "camera = { width = 64, height = 64 }");
+    let service = Service::start(&place, &[]);
+    let url = format!("http://{}", service.address);
+    browser.open(&format!("{url}/#/render"));
+    browser.until("document.querySelectorAll('[data-scene]').length === 10");
+    browser.both("render");
+    browser.click("[data-scene=cd]");
+    browser.until("document.querySelector('#draft')?.naturalWidth === 240");
+    let draft = "document.querySelector('#draft').src";
+    let first = browser.run(&format!("return {draft}"));
+
+    // A light more, and back and forth.
+    browser.choose("add-light", "directional");
+    until_text(&browser, "text.split('[[light]]').length === 5");
+    browser.until(&format!("{draft} !== {first}"));
+    browser.both("render-light");
+    enter(&browser, "part-illuminance", "3");
+    until_text(&browser, "text.includes('illuminance = 3')");
+    undo(&browser, false);
+    undo(&browser, false);
+    until_text(&browser, "text.split('[[light]]').length === 4");
+    assert!(browser.run("return document.querySelector('#undo').disabled").as_bool().unwrap());
+    undo(&browser, true);
+    until_text(&browser, "text.split('[[light]]').length === 5 && !text.includes('illuminance')");
+
+    // A part that cannot be rendered is named, and its removal heals the scene.
+    browser.choose("add-shape", "mesh");
+    browser.until("document.querySelector('#scene-problems').innerText.includes('shape[1].file')");
+    assert!(browser.run("return document.querySelector('#render-start').disabled").as_bool().unwrap());
+    browser.click("#remove-part");
+    browser.until("document.querySelector('#scene-problems').innerText === '' && !document.querySelector('#render-start').disabled");
+
+    // A material under another name, with another layer.
+    browser.click("[data-place=\"material/sample\"]");
+    enter(&browser, "part-name", "disc");
+    until_text(&browser, "text.includes('[material.disc.base]') && text.includes('material = \"disc\"')");
+    browser.click("[data-place=\"material/disc/diffraction\"]");
+    enter(&browser, "part-period-um", "1.2");
+    until_text(&browser, "text.includes('period_um = 1.2')");
+    browser.choose("part-kind", "grating");
+    until_text(&browser, "text.includes('type = \"grating\"') && text.includes('period_um = 1.2')");
+    undo(&browser, false);
+
+    // The camera, by numbers, by steps and by the text.
+    enter(&browser, "camera-fov", "16");
+    browser.choose("camera-size", "180×180");
+    browser.click("[aria-label=\"Around to the right\"]");
+    until_text(
+        &browser,
+        "text.includes('fov_deg = 16') && text.includes('width = 180') && !text.includes('position = [0, 0, 500]')",
+    );
+    browser.until("document.querySelector('#scene-estimate').innerText.includes('At most')");
+    enter(&browser, "scene-text", "[camera");
+    browser.until("document.querySelector('#scene-problems').innerText.includes('line 1')");
+    browser.run("const t = document.querySelector('#scene-text'); t.value = ''; t.dispatchEvent(new Event('change', { bubbles: true }))");
+    undo(&browser, false);
+    until_text(&browser, "text.includes('height = 180') && text.includes('position = [0, 0, 500]')");
+    undo(&browser, true);
+    until_text(&browser, "text.includes('height = 180') && !text.includes('position = [0, 0, 500]')");
+    browser.both("render-edited");
+
+    enter(&browser, "render-max-error", "0.0001");
+    enter(&browser, "render-samples", "1000000");
+    browser.click("#render-start");
+    browser.until("document.querySelector('#so-far')?.naturalWidth === 180");
+    let first = browser.run("return document.querySelector('#so-far').src");
+    browser.until(&format!("document.querySelector('#so-far').src !== '{}'", first.as_str().unwrap()));
+    browser.until(
+        "document.querySelector('.figures').innerText.includes('to go') && document.querySelector('.noise .curve')",
+    );
+    browser.both("render-progress");
+    browser.click("#keep-so-far");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth === 180");
+    browser.until("document.body.innerText.includes('stopped on request')");
+    browser.both("result-render");
+    let before = browser.run("return document.querySelector('#result-picture').src");
+    browser.run("const s = document.querySelector('#exposure'); s.value = 2; s.dispatchEvent(new Event('input'));");
+    browser.until(&format!("document.querySelector('#result-picture').src !== '{}'", before.as_str().unwrap()));
+    assert_eq!(browser.run("return document.querySelector('output[for=exposure]').textContent"), "+2.00 stops");
+
+    // The edited scene once more, as it was rendered.
+    browser.click("#edit-scene");
+    until_text(&browser, "text.includes('[material.disc.base]') && text.includes('fov_deg = 16')");
+    assert_eq!(browser.run("return document.querySelector('#render-samples').value"), "1000000");
+}
+
+/// On the page: files of one's own, and materials of results.
+#[test]
+fn a_person_renders_own_files_and_results() {
     let Some(browser) = Browser::start() else { return };
     let place = Place::with_bench("", "camera = { width = 64, height = 64 }");
     let service = Service::start(&place, &[]);
     let url = format!("http://{}", service.address);
     let scene = place.path("foil.toml");
-    let set = |id: &str, value: &str| {
-        browser.run(&format!("document.getElementById('{id}').value = '{value}'"));
-    };
-    browser.open(&format!("{url}/#/render"));
-    browser.until("document.querySelectorAll('input[name=gallery]').length === 10");
-    browser.click("input[value=cd]");
-    browser.both("render");
-    set("render-max-error", "0.005");
-    set("render-samples", "100000");
-    browser.click("#render-start");
-    browser.until("document.querySelector('#so-far')?.naturalWidth === 360");
-    let first = browser.run("return document.querySelector('#so-far').src");
-    browser.until(&format!("document.querySelector('#so-far').src !== {first}"));
-    browser.until("document.querySelector('.figures').innerText.includes('to go')");
-    browser.both("render-progress");
-    browser.run("[...document.querySelectorAll('button')].find((b) => b.textContent === 'Cancel').click()");
-    browser.until("document.body.innerText.includes('Cancelled.')");
-
     // A custom scene must not access files outside of its folder.
     browser.open(&format!("{url}/#/render"));
-    browser.click("[data-key=files]");
+    browser.until("document.querySelector('#scene-files')");
     let foil = SCENE.replace("width = 48", "width = 240").replace("height = 40", "height = 180");
     std::fs::write(&scene, foil.replace("albedo.exr", "/etc/passwd")).unwrap();
     browser.attach("#scene-files", scene.to_str().unwrap());
-    browser.click("#render-start");
+    browser.click("#scene-open");
     browser.until("document.querySelector('.message')?.innerText.includes('outside')");
     browser.both("render-refused");
     std::fs::write(&scene, foil.replace("\"albedo.exr\"", "[0.1, 0.1, 0.1]")).unwrap();
     browser.attach("#scene-files", scene.to_str().unwrap());
-    set("render-max-error", "0.05");
+    browser.click("#scene-open");
+    browser.until("document.querySelector('#render-max-error')");
+    enter(&browser, "render-max-error", "0.05");
     browser.run("document.querySelector('#render-check').click()");
     browser.click("#render-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth === 240");
-    browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'render.exr')");
+    browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'scene.toml')");
     browser.until("document.body.innerText.includes('sums off by, measured')");
-    browser.both("result-render");
-    let before = browser.run("return document.querySelector('#result-picture').src");
-    browser.run("const s = document.querySelector('#exposure'); s.value = 2; s.dispatchEvent(new Event('input'));");
-    browser.until(&format!("document.querySelector('#result-picture').src !== {before}"));
-    assert_eq!(browser.run("return document.querySelector('output[for=exposure]').textContent"), "+2.00 stops");
     browser.click("#make-next");
     browser.until("document.querySelector('#render-check')?.checked && location.hash.includes('result')");
 
-    // Results of a session, on a sheet.
+    // Results of a session: as a material of a scene, and on a sheet.
     let session = begin(&service, &plan(4, 10.0));
     finished(&service, &session);
+    browser.open("about:blank");
+    browser.open(&format!("{url}/#/render"));
+    browser.click("[data-scene=cd]");
+    browser.until(&format!("document.querySelector('option[value=\"{session}\"]')"));
+    browser.choose("material-result", &session);
+    browser.click("#add-result");
+    until_text(&browser, "/maps = \"[a-z0-9-]+\"/.test(text) && text.includes('[material.sample.diffraction]')");
+    browser.until("document.querySelector('#scene-problems').innerText === ''");
+    browser.click("[data-place=\"shape/0\"]");
+    let name = browser.run("return document.querySelector('#scene-text').value.match(/maps = \"([a-z0-9-]+)\"/)[1]");
+    browser.choose("part-material", name.as_str().unwrap());
+    until_text(&browser, &format!("text.includes('material = \"{}\"')", name.as_str().unwrap()));
     browser.open(&format!("{url}/#/result/{session}"));
     browser.click(&format!("a[href=\"#/render/{session}\"]"));
-    browser.until("document.querySelector('[data-key=result]')?.getAttribute('aria-checked') === 'true'");
+    browser.until("document.querySelector('#draft')?.naturalWidth > 0");
     browser.both("render-maps");
-    set("render-samples", "4");
+    enter(&browser, "render-samples", "4");
     browser.click("#render-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth === 360");
     browser.both("result-render-maps");

@@ -79,6 +79,8 @@ fn a_session_runs_is_watched_and_its_map_is_looked_at() {
     let npy = service.get(&format!("{result}/maps/sigma.npy")).expect(200).body;
     assert_eq!(npy.len() % 64, 64 * 48 * 4 % 64);
     assert_eq!(service.get(&format!("{result}/maps/dolp.csv")).expect(200).text().lines().count(), 64 * 48 + 1);
+    let orientations = service.get(&format!("{result}/maps/orientation.csv")).expect(200).text();
+    assert!(orientations.starts_with("x_px,y_px,orientation_rad\n"), "{}", orientations.lines().next().unwrap());
     let part = service.get(&format!("{result}/maps/orientation.png?x=10&y=10&w=16&h=8")).expect(200).body;
     let part = image::load_from_memory(&part).unwrap();
     assert_eq!((part.width(), part.height()), (16, 8));

@@ -59,7 +59,7 @@ function control(id, schema, given, root) {
   }
   const words = wordsOf(schema);
   if (words) {
-    const list = select(usual === null ? [["", "default"], ...words] : words, given ?? usual ?? "", { id });
+    const list = select(usual === null && !schema.required ? [["", "default"], ...words] : words, given ?? usual ?? "", { id });
     return { element: list, value: () => (list.value === (usual ?? "") ? undefined : list.value) };
   }
   if (schema["x-file"] && (schema.properties || schema.anyOf)) return structureFile(id, given);
@@ -206,13 +206,23 @@ function structure(id, schema, given, root, without = []) {
 }
 
 /**
- * The form of a structure of a schema; `root` holds its definitions.
- * @param {string} name
- * @param {object} schema
+ * The form of a structure in a schema whose definitions are in `root`; `value()` leaves out defaults.
+ * @param {string} id
+ * @param {any} schema
  * @param {Record<string, any>} given
- * @param {object} root
+ * @param {any} root
+ * @param {string[]} [without]
  */
-export const schemaForm = (name, schema, given, root) => structure(name, schema, given, root);
+export const schemaForm = (id, schema, given, root, without) => structure(id, resolved(root, schema), given, root, without);
+
+/**
+ * The kinds of a tagged structure, by the word that its `type` has.
+ * @returns {Map<string, any>}
+ */
+export function kindsOf(schema, root) {
+  const kinds = resolved(root, schema).oneOf.map((/** @type {any} */ { properties: { type, ...properties }, ...kind }) => [type.const, { ...kind, properties }]);
+  return new Map(kinds);
+}
 
 /**
  * The form of an operation, as an earlier one left it if there is one; `options()` is what the service takes.

@@ -26,6 +26,7 @@ const MEANING = {
   "before-after.png": "Before on the left, after on the right, in the same colours.",
   "render.png": "The scene as a screen shows it: what is brighter than white is compressed, colours that no screen has are paler. Measure on render.exr.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
+  "figure.png": "For publications, also as figure.svg: angles or half vectors on the axes, luminance on a logarithmic scale with the limits of its colours.",
 };
 
 /** Files that a scene can show. */
@@ -68,6 +69,7 @@ export async function showPictures(main, job, signal) {
   main.append(
     h("div", { class: "head" }, headingOf(job),
       files.some((f) => f.name.endsWith(".exr")) ? h("a", { class: "button primary", id: "to-maps", href: `#/maps/${job.id}` }, "Map viewer") : null,
+      job.method === "render" ? h("a", { class: "button", id: "edit-scene", href: `#/render/${job.id}` }, "Edit the scene") : null,
       files.some((f) => RENDERED.includes(f.name)) ? h("a", { class: "button", href: `#/render/${job.id}` }, "Render") : null,
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },
@@ -89,7 +91,11 @@ export function nextPanel(/** @type {Job} */ job) {
   if (job.method === "flash") return anew(job, "Again", flashForm(kept("flash"), { described: true }));
   const verbs = { brdf: "In other light", map: "Other edits" };
   if (!["hdr", "lut", "bokeh"].includes(job.method)) {
-    return anew(job, verbs[job.method] ?? "Again", operationForm(job.method, kept(job.method)), job.method === "render" ? "Render" : undefined);
+    const form = operationForm(job.method, kept(job.method), { without: ["scene"] });
+    // An edited scene is part of the options, but nothing to type into a field.
+    const { scene } = kept(job.method);
+    const same = { element: form.element, options: () => ({ ...form.options(), ...(scene && { scene }) }) };
+    return anew(job, verbs[job.method] ?? "Again", same, job.method === "render" ? "Render" : undefined);
   }
   const forms = { lut: lutForm(kept("lut"), job.light), bokeh: operationForm("bokeh", kept("bokeh")) };
   const method = select([["lut", "A diffraction table"], ["bokeh", "Lines in an out-of-focus highlight"]], job.method === "bokeh" ? "bokeh" : "lut", { id: "next-method", onchange: paint });

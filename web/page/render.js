@@ -1,11 +1,13 @@
-// #/render: a scene to start from, your own, or the maps of a result (#/render/ID) → a picture.
+// #/render: a scene of the gallery or your own; #/render/ID: the maps of a result on a sheet, or the scene of a rendering;
+// #/render/scene-ID: the scene of an upload, which is edited and rendered.
 
-import { post, send } from "./api.js";
-import { check, field, h, panel, say, segments } from "./dom.js";
+import { get } from "./api.js";
+import { check, field, h, panel, say } from "./dom.js";
 import { problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
-import { operationForm } from "./operationform.js";
+import { sceneEditor, uploadScene } from "./sceneedit.js";
 
+/** Scenes in the order of the tiles of gallery.jpg. */
 const GALLERY = [
   ["cd", "Compact disc", "Tracks around a hole"], ["phone", "Telephone", "The subpixels of a screen"], ["tv", "Television", "Coarser subpixels, one way"],
   ["star-paper", "Star paper", "Polygons and stars of twelve orientations"], ["kinematic-tile", "Kinematic tile", "Light runs around when it is tilted"],
@@ -13,40 +15,48 @@ const GALLERY = [
   ["rolled", "Rolled sheet", "Star paper around a cylinder"], ["snake", "Snake", "A mesh whose scales diffract"],
 ];
 const FILES = ".toml,.exr,.hdr,.png,.tif,.tiff,.jpg,.jpeg,.bmp,.obj,.ply,.gltf,.glb,.bin,.csv,.txt,.asc,.dat";
-const ABOUT = {
-  gallery: "Measured surfaces are not needed: their maps are made by formulas.",
-  files: "One scene (TOML) and every file that it names: maps, tables, meshes, environments. They lie side by side, so that the scene gives plain names.",
-  result: "Orientations, periods or a table of the result on a sheet under three small lights; or in a scene of your own, beside which they lie as orientation.exr, period.exr and lut.exr.",
-};
 
 /**
- * Shows the form until the signal fires; `id` is that of a result whose maps are to be seen.
+ * Shows the choice or the scene until the signal fires.
  * @param {HTMLElement} main
  * @param {Visit} visit
  */
 export async function renderPage(main, { id, signal }) {
-  let from = id ? "result" : "gallery";
+  if (!id) return choose(main, signal);
+  if (id.startsWith("scene-")) return sceneEditor(main, id.slice("scene-".length), { signal });
+  const { method, upload, options } = await get(`/reconstructions/${id}`, { signal });
+  if (method === "render") {
+    const { scene: text, ...given } = options;
+    return sceneEditor(main, upload, { text, given, signal });
+  }
+  main.append(h("p", { class: "soft", role: "status" }, "Laying the maps on a sheet…"));
+  const made = await uploadScene([["result", id]], signal);
+  location.replace(`#/render/scene-${made.id}`);
+}
+
+function choose(main, signal) {
+  /** @type {File[]} */
   let files = [];
-  const about = h("p", { class: "soft" });
-  const radios = GALLERY.map(([name], k) => h("input", { type: "radio", name: "gallery", value: name, checked: k === 0 }));
-  const scenes = h("div", { class: "kinds" }, GALLERY.map(([, title, hint], k) => h("label", { class: "kind" }, radios[k], h("span", {}, title, h("small", {}, hint)))));
   const room = check("In a room, not under small lights", { id: "render-room" });
-  const start = h("button", { type: "button", class: "primary", id: "render-start", onclick: begin }, "Render");
-  const gallery = h("div", { class: "stack" }, scenes, room);
-  const input = h("input", { type: "file", id: "scene-files", multiple: true, accept: FILES, onchange: () => add(input.files) });
-  const body = h("tbody");
-  const listing = h("table", {}, h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "File"), h("th", { scope: "col", class: "number" }, "Size"), h("th", { scope: "col" }))), body);
-  const own = h("div", { class: "stack" }, h("div", { class: "drop", ondragover: (e) => e.preventDefault(), ondrop: (e) => { e.preventDefault(); add(e.dataTransfer.files); } },
-    field("The scene and its files", input, { hint: "Or drop them here. On the command line, nacre schema scene says what a scene may hold." })), h("div", { class: "scroll tall" }, listing));
-  const options = operationForm("render");
+  const tiles = GALLERY.map(([name, title, hint], k) => {
+    const picture = h("span", { class: "tile" });
+    picture.style.backgroundPosition = `${(100 * k) / (GALLERY.length - 1)}% 0`;
+    return h("button", { type: "button", class: "scene-choice", "data-scene": name, onclick: () => open([["gallery", name + (room.box.checked ? "-room" : "")]], "Making the scene…") },
+      picture, h("strong", {}, title), h("small", {}, hint));
+  });
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
-  const choices = [...(id ? [["result", "Maps of the result"]] : []), ["gallery", "To start from"], ["files", "Your own"]];
-  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Render a scene"), start),
-    h("div", { class: "columns planning" },
-      panel("Scene", segments("Scene", choices, from, (key) => { from = key; paint(); }), h("div", { class: "stack" }, about, gallery, own)),
-      panel("Options", null, h("div", { class: "stack" }, options.element, problems, progress))));
-  paint();
+  const input = h("input", { type: "file", id: "scene-files", multiple: true, accept: FILES, onchange: () => add(input.files) });
+  const body = h("tbody");
+  const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "File"), h("th", { scope: "col", class: "number" }, "Size"), h("th", { scope: "col" }))), body);
+  const begin = h("button", { type: "button", id: "scene-open", disabled: true, onclick: () => open(files.map((file) => ["file", file, file.name]), `Uploading ${bytes(files.reduce((sum, file) => sum + file.size, 0))}…`) }, "Open the scene");
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Render a scene")), h("div", { class: "stack" }, problems, progress,
+    panel("To start from", room, h("p", { class: "soft" }, "Measured surfaces are not needed: the maps of these scenes are made by formulas."), h("div", { class: "scene-choices" }, tiles)),
+    panel("Your own", null, h("div", { class: "stack" },
+      h("p", { class: "soft" }, "One scene (TOML) and every file that it names: maps, tables, meshes, environments. They lie side by side, so that the scene gives plain names."),
+      h("div", { class: "drop", ondragover: (event) => event.preventDefault(), ondrop: (event) => { event.preventDefault(); add(event.dataTransfer.files); } },
+        field("The scene and its files", input, { hint: "Or drop them here. On the command line, nacre schema scene describes all keys." })),
+      h("div", { class: "scroll tall" }, listing), h("p", {}, begin)))));
 
   function add(more) {
     const names = new Set([...more].map((file) => file.name));
@@ -56,39 +66,30 @@ export async function renderPage(main, { id, signal }) {
   }
 
   function paint() {
-    say(about, ABOUT[from]);
-    gallery.hidden = from !== "gallery";
-    own.hidden = from === "gallery";
     listing.hidden = files.length === 0;
     body.replaceChildren(...files.map((file) => h("tr", {}, h("td", {}, file.name), h("td", { class: "number" }, bytes(file.size)),
       h("td", {}, h("button", { type: "button", class: "quiet icon", "aria-label": `Remove ${file.name}`, onclick: () => {
-        files = files.filter((f) => f !== file);
+        files = files.filter((other) => other !== file);
         paint();
       } }, "✕")))));
     const tables = files.filter((file) => /\.toml$/i.test(file.name)).length;
-    const wrong = from === "files" && files.length > 0 && tables === 0 ? "None of the files is a scene: add the .toml file."
-      : from !== "gallery" && tables > 1 ? "Several files end in .toml: keep the one scene." : "";
+    const wrong = files.length === 0 || tables === 1 ? "" : tables === 0 ? "None of the files is a scene: add the .toml file." : "Several files end in .toml: keep the one scene.";
     problems.replaceChildren(...(wrong ? [h("ul", { class: "problems" }, h("li", {}, wrong))] : []));
-    start.disabled = wrong !== "" || (from === "files" && files.length === 0);
+    begin.disabled = wrong !== "" || files.length === 0;
   }
 
-  async function begin() {
-    start.disabled = true;
+  async function open(parts, doing) {
+    for (const button of [...tiles, begin]) button.disabled = true;
     problems.replaceChildren();
-    const form = new FormData();
-    form.append("kind", "scene");
-    if (from === "gallery") form.append("gallery", radios.find((radio) => radio.checked)?.value + (room.box.checked ? "-room" : ""));
-    else for (const file of files) form.append("file", file, file.name);
-    if (from === "result") form.append("result", id);
-    say(progress, from === "gallery" ? "Making the scene…" : `Uploading ${bytes(files.reduce((sum, file) => sum + file.size, 0))}…`);
+    say(progress, doing);
     try {
-      const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
-      const job = await post("/operations/render", { session: null, upload: upload.id, options: options.options() });
-      location.hash = `#/result/${job.id}`;
+      const made = await uploadScene(parts, signal);
+      location.hash = `#/render/scene-${made.id}`;
     } catch (problem) {
       if (problem.name === "AbortError") return;
       problems.replaceChildren(problemMessage(problem));
-      start.disabled = false;
+      for (const tile of tiles) tile.disabled = false;
+      begin.disabled = files.length === 0;
     }
     say(progress, "");
   }

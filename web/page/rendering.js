@@ -1,13 +1,37 @@
 // Renderings: the picture while it is made, its exposure, the report.
 
-import { picture, show } from "./api.js";
+import { picture, post, show } from "./api.js";
 import { warned } from "./assetreports.js";
-import { facts, figures, h, panel, say, settle } from "./dom.js";
+import { facts, figures, h, panel, say, settle, svg } from "./dom.js";
 import { complain } from "./feedback.js";
 import { duration, fixed, percent, plain } from "./format.js";
 
 /** What the service exposes anew, in pixels. */
 const MOST_EXPOSED = 4 * 1024 * 1024;
+
+/** Size of the chart of noise, and room for its labels. */
+const CHART = { width: 620, height: 120, left: 44, right: 12, top: 10, bottom: 20 };
+
+/**
+ * Noise against passes, both logarithmic, with the target: noise falls with the square root of the passes.
+ * @param {{ passes: number, noise: number }[]} points
+ * @param {number} wanted
+ * @param {number} of
+ */
+function noiseChart(points, wanted, of) {
+  const { width, height, left, right, top, bottom } = CHART;
+  const most = Math.max(wanted * 2, ...points.map((p) => p.noise));
+  const [low, high] = [Math.log(wanted / 1.5), Math.log(most * 1.1)];
+  const end = Math.log(Math.max(of, 4));
+  const x = (passes) => left + ((width - left - right) * Math.log(Math.max(1, passes))) / end;
+  const y = (noise) => top + ((height - top - bottom) * (high - Math.log(noise))) / (high - low);
+  const path = points.map(({ passes, noise }, k) => `${k ? "L" : "M"}${x(passes).toFixed(1)} ${y(noise).toFixed(1)}`).join("");
+  const rows = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001].filter((noise) => noise > wanted * 1.25 && noise < most);
+  return svg("svg", { class: "noise", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Noise after ${points.length} measurements; target ${plain(100 * wanted)} %` },
+    rows.map((noise) => [svg("line", { class: "grid", x1: left, x2: width - right, y1: y(noise), y2: y(noise) }), svg("text", { x: left - 6, y: y(noise) + 4, "text-anchor": "end" }, `${plain(100 * noise)} %`)]),
+    svg("line", { class: "target", x1: left, x2: width - right, y1: y(wanted), y2: y(wanted) }), svg("text", { x: width - right, y: y(wanted) - 4, "text-anchor": "end" }, `target ${plain(100 * wanted)} %`),
+    svg("path", { class: "curve", d: path }), svg("text", { x: left, y: height - 4 }, "1 pass"), svg("text", { x: width - right, y: height - 4, "text-anchor": "end" }, `about ${of} passes`));
+}
 
 /** The panel of the picture so far; `update(job)` with each state of the job. */
 export function soFar(job, signal) {
@@ -15,6 +39,18 @@ export function soFar(job, signal) {
   const image = h("img", { id: "so-far", alt: "The picture so far", hidden: true });
   const empty = h("p", { class: "empty" }, "The picture appears with its first pass.");
   const about = h("div");
+  const chart = h("div");
+  /** @type {{ passes: number, noise: number }[]} */
+  const points = [];
+  let finishing = false;
+  const keep = h("button", { type: "button", id: "keep-so-far", disabled: true, title: "Ends the passes; the picture so far becomes the result, with its noise", onclick: async () => {
+    [keep.disabled, finishing] = [true, true];
+    try {
+      await post(`/reconstructions/${job.id}/finish`);
+    } catch (problem) {
+      complain(problem);
+    }
+  } }, "Stop and keep the picture");
   const wanted = job.options?.max_error ?? 0.01;
   let shown = 0;
   let asking = false;
@@ -32,6 +68,9 @@ export function soFar(job, signal) {
         [`of about ${now.of} passes`, String(now.passes)],
         ["to go", `about ${duration(Math.max(1, Math.round(now.seconds_left)))}`],
       ]));
+      if (now.noise) points.push({ passes: now.passes, noise: now.noise });
+      if (points.length) chart.replaceChildren(noiseChart(points, wanted, now.of));
+      keep.disabled = finishing || now.noise === null;
     } catch (problem) {
       // Between the last look and the result there is none.
       if (problem.status !== 404) complain(problem);
@@ -39,7 +78,7 @@ export function soFar(job, signal) {
       asking = false;
     }
   }
-  return { element: panel("Picture so far", null, h("div", { class: "stack" }, h("div", { class: "well" }, image, empty), about)), update };
+  return { element: panel("Picture so far", keep, h("div", { class: "stack" }, h("div", { class: "well" }, image, empty), about, chart)), update };
 }
 
 /** A slider that shows a finished picture brighter or darker; none for pictures too large for it. */

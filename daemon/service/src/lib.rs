@@ -38,6 +38,7 @@ mod results;
 mod router;
 mod runs;
 mod samples;
+mod scene_editing;
 mod scenes;
 mod session_data;
 mod session_doc;

@@ -58,6 +58,8 @@ pub struct Located {
     pub size: [usize; 2],
     /// Values that it holds.
     pub kind: MapKind,
+    /// Unit, possibly with a remark; empty without one.
+    pub unit: String,
     /// Name of the map of its standard deviations.
     pub sigma: Option<String>,
 }
@@ -76,7 +78,8 @@ pub fn locate(folder: &Path, name: &str) -> Answer<Located> {
     }
     let (size, kind) = ([header.width, header.height], kind_of(&channel));
     let sigma = sigma_of(folder, &file, &channel, &header.channels);
-    Ok(Located { path, channel, size, kind, sigma })
+    let unit = unit_of(&header.attributes, &channel);
+    Ok(Located { path, channel, size, kind, unit, sigma })
 }
 
 /// The maps of a result: names, sizes, units, and the maps of their standard deviations.

@@ -176,9 +176,13 @@ pub fn thumbnail(path: &Path, width: usize) -> Answer<Vec<u8>> {
     grey(raster.width, raster.height, width, &level, &encode_png8).map_err(|e| Problem::bad(e.to_string()))
 }
 
-/// First line of a plane as CSV.
-pub fn csv_head(name: &str) -> Vec<u8> {
-    format!("x,y,{name}\n").into_bytes()
+/// First line of a plane as CSV: columns are named with their units, as in `x_px,y_px,period_um`.
+pub fn csv_head(name: &str, unit: &str) -> Vec<u8> {
+    // A remark may follow the unit, as in "um (relative)".
+    let unit = unit.split(' ').next().unwrap_or_default().replace('µ', "u");
+    let unit = if unit.chars().all(|c| c.is_ascii_alphanumeric()) { unit } else { String::new() };
+    let separator = if unit.is_empty() { "" } else { "_" };
+    format!("x_px,y_px,{name}{separator}{unit}\n").into_bytes()
 }
 
 /// Rows of a plane as CSV: a line `x,y,value` per pixel, with an empty value where masked.
@@ -220,8 +224,10 @@ mod tests {
     #[test]
     fn tables_and_arrays_have_their_formats() {
         let plane = Plane { values: vec![1.0, f32::NAN, 3.0, 4.5, 5.0, 6.0], width: 3 };
-        let csv = [csv_head("sigma"), csv_rows(&plane, 0..1), csv_rows(&plane, 1..2)].concat();
-        assert_eq!(csv, b"x,y,sigma\n0,0,1\n1,0,\n2,0,3\n0,1,4.5\n1,1,5\n2,1,6\n");
+        let csv = [csv_head("sigma", "rad"), csv_rows(&plane, 0..1), csv_rows(&plane, 1..2)].concat();
+        assert_eq!(csv_head("dolp", ""), b"x_px,y_px,dolp\n");
+        assert_eq!(csv_head("period", "µm (relative)"), b"x_px,y_px,period_um\n");
+        assert_eq!(csv, b"x_px,y_px,sigma_rad\n0,0,1\n1,0,\n2,0,3\n0,1,4.5\n1,1,5\n2,1,6\n");
         let npy = [npy_head(&plane), npy_rows(&plane, 0..2)].concat();
         assert_eq!((npy.len() - 24) % 64, 0);
         assert!(npy.windows(6).any(|w| w == b"(2, 3)"));

@@ -303,6 +303,21 @@ pub async fn cancel(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<R
     Ok(accepted(app.describe(app.job(&id).await?, false)))
 }
 
+/// Ends the passes of a rendering under way, and keeps its picture so far as the result.
+#[utoipa::path(post, path = "/api/v1/reconstructions/{id}/finish", tag = "reconstructions",
+    operation_id = "finish_reconstruction", params(("id" = String, Path)),
+    responses((status = 202, body = Reconstruction), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn finish(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Response> {
+    let job = app.job(&id).await?;
+    if !job.spec.operation.is("render") {
+        return Err(Problem::new(Kind::Conflict, "only a rendering has a result before its end").remedy("cancel it"));
+    }
+    if !app.jobs()?.finish(&id) {
+        return Err(Problem::new(Kind::Conflict, "the rendering is not running"));
+    }
+    Ok(accepted(app.describe(app.job(&id).await?, false)))
+}
+
 /// Repeats a reconstruction that did not succeed.
 #[utoipa::path(post, path = "/api/v1/reconstructions/{id}/retry", tag = "reconstructions",
     operation_id = "retry_reconstruction", params(("id" = String, Path)),

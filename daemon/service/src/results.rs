@@ -1,6 +1,6 @@
 //! Results of a reconstruction: `/api/v1/reconstructions/{id}/maps` and `pixel`.
 
-use super::heavy::Heavy;
+use super::heavy::{Heavy, Plane};
 use super::problem::{Answer, Problem};
 use super::reconstructions::Place;
 use super::{App, At, Params, blocking, files, map_list, maps, tiles};
@@ -143,8 +143,12 @@ pub async fn map(
     let table = |content: &str| [(header::CONTENT_TYPE, content.to_owned()), (header::CONTENT_DISPOSITION, attached)];
     match kind.as_str() {
         "csv" => {
-            let head = maps::csv_head(&name);
-            let body = app.heavy.table(folder, name, |_| head, maps::csv_rows).await?;
+            let of = (folder.clone(), name.clone());
+            let head = move |_: &Plane| {
+                let unit = map_list::locate(&of.0, &of.1).map(|map| map.unit).unwrap_or_default();
+                maps::csv_head(&of.1, &unit)
+            };
+            let body = app.heavy.table(folder, name, head, maps::csv_rows).await?;
             Ok((table("text/csv"), body).into_response())
         }
         "npy" => {

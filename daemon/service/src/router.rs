@@ -4,7 +4,7 @@ use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
     App, access, charts, connections, deletion, devices, display, map_list, map_regions, measure, naming, operations,
-    plans, preview, queue, reconstructions, renders, results, samples, session_data, sessions, settings,
+    plans, preview, queue, reconstructions, renders, results, samples, scene_editing, session_data, sessions, settings,
     stored_uploads, tiles, trash, uploads, view,
 };
 use axum::body::Bytes;
@@ -102,6 +102,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(reconstructions::get, naming::reconstruction, deletion::reconstruction))
         .routes(routes!(deletion::of_reconstruction))
         .routes(routes!(reconstructions::cancel))
+        .routes(routes!(reconstructions::finish))
         .routes(routes!(reconstructions::retry))
         .routes(routes!(reconstructions::log))
         .routes(routes!(reconstructions::job_events))
@@ -117,6 +118,9 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(map_regions::profile))
         .routes(routes!(results::pixel))
         .routes(routes!(uploads::angles))
+        .routes(routes!(scene_editing::schema))
+        .routes(routes!(scene_editing::read, scene_editing::check))
+        .routes(routes!(scene_editing::draft))
         .routes(routes!(stored_uploads::list))
         .routes(routes!(naming::upload, deletion::upload))
         .routes(routes!(deletion::of_upload))

@@ -52,9 +52,10 @@ pub struct Uploaded {
 /// - `maps`: `orientation.exr`, `period.exr` or both.
 /// - `table`: one EXR table, `lut.exr` (for `factor`) or `histogram.exr` (for `synthesize`).
 /// - `limits`: one TOML file with limits of good sheets, for `inspect`.
-/// - `scene`: one scene (TOML) and the files that it names. Alternatively `gallery` names an initial scene, or
-///   `result` a reconstruction or session. Its orientation.exr, period.exr and lut.exr are added to the scene; without
-///   a scene, they cover a flat sheet.
+/// - `scene`: one scene (TOML) and the files that it names. Alternatively `gallery` names an initial scene, `upload` an
+///   earlier upload of a scene, or `result` a reconstruction or session. The result's orientation.exr, period.exr and
+///   lut.exr are added to the scene; without a scene, they cover a flat sheet. After a part `folder`, the maps of the
+///   next `result` lie in that subfolder, for a material of the scene.
 #[derive(ToSchema)]
 #[allow(dead_code, reason = "describes the form")]
 pub struct Form {
@@ -65,6 +66,10 @@ pub struct Form {
     /// For `scene`: `cd`, `phone`, `tv`, `star-paper`, `kinematic-tile`, `logo`, `emblem`, `spiral-foil`, `rolled` or
     /// `snake`. With `-room` appended, an environment map replaces the small light sources.
     gallery: Option<String>,
+    /// For `scene`: id of an upload, whose files are taken over.
+    upload: Option<String>,
+    /// For `scene`: subfolder for the maps of the next `result`; letters, digits, `-` and `_`.
+    folder: Option<String>,
     /// For `scene`: id of a reconstruction or session.
     result: Option<String>,
     /// A frames.json. Default of its `transfer`: as stated in the files, or else the usual transfer function of their
@@ -151,7 +156,8 @@ pub async fn angles(Body(Names { names }): Body<Names>) -> Answer<Json<Angles>> 
 
 async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
     let most = app.config().limits.upload_mib << 20;
-    let (mut files, mut bytes, mut what, mut begun, mut name) = (0, 0, What::Polarization, false, String::new());
+    let (mut files, mut bytes, mut what, mut name) = (0, 0, What::Polarization, String::new());
+    let mut start = scenes::Start::default();
     loop {
         let Some(field) =
             form.next_field().await.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))?
@@ -167,15 +173,12 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
                 name = naming::asked(Some(word(field).await?))?;
                 continue;
             }
-            Some(part @ ("gallery" | "result")) if what == What::Scene => {
-                if std::mem::replace(&mut begun, true) {
-                    return Err(Problem::bad("a scene begins with more than one gallery or result").remedy("give one"));
-                }
+            Some(part @ ("gallery" | "upload" | "folder" | "result")) if what == What::Scene => {
                 let part = part.to_owned();
                 let word = word(field).await?;
                 let _work = activity.work();
-                let source = scenes::begin(app, &part, word, folder).await?;
-                name = Some(name).filter(|name| !name.is_empty()).unwrap_or(source);
+                let source = start.add(app, &part, word, folder).await?;
+                name = Some(name).filter(|name| !name.is_empty()).or(source).unwrap_or_default();
                 continue;
             }
             _ => {}

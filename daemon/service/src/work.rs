@@ -27,6 +27,15 @@ pub enum Task {
         /// The job.
         spec: Box<Spec>,
     },
+    /// A draft of a scene with files of an upload.
+    Draft {
+        /// Folder of the upload.
+        folder: PathBuf,
+        /// The scene, as TOML.
+        scene: String,
+        /// Longest side in pixels.
+        side: usize,
+    },
     /// Results that a session's plan requests, computed from its stored frames.
     Session(PathBuf),
 }
@@ -43,32 +52,45 @@ impl Task {
         match self {
             Self::Job { data, spec } => methods::perform(data, spec, link)?,
             Self::Session(folder) => drop(reconstruct_session(folder, link)?),
+            Self::Draft { folder, scene, side } => {
+                let bytes = nacre_render::draft(scene, folder, *side, link)?;
+                return Ok(Part { bytes, ..Part::default() });
+            }
         }
         Ok(Part::default())
     }
 
-    /// Folder of the results.
-    fn results(&self) -> PathBuf {
+    /// Folder of the results, if any.
+    fn results(&self) -> Option<PathBuf> {
         match self {
-            Self::Job { data, spec } => result_folder(data, &spec.id),
-            Self::Session(folder) => folder.join(RESULTS),
+            Self::Job { data, spec } => Some(result_folder(data, &spec.id)),
+            Self::Session(folder) => Some(folder.join(RESULTS)),
+            Self::Draft { .. } => None,
         }
     }
 
     /// Runs the task in a new process. Results appear completely or not at all.
-    fn run(&self, progress: &dyn Progress, shown: &mut dyn FnMut(Part)) -> Result<(), Error> {
-        let limits = Limits { memory: budget::allowed(), processor_s: None, background: true };
+    fn run(&self, progress: &dyn Progress, shown: &mut dyn FnMut(Part)) -> Result<Part, Error> {
+        let processor_s = self.results().is_none().then_some(DRAFT_S);
+        let limits = Limits { memory: budget::allowed(), processor_s, background: true };
         let ended = contained::run(json!({ Self::KEY: self }), limits, progress, shown);
-        ended.map(drop).map_err(|ended| {
+        ended.map_err(|ended| {
             // A killed process leaves incomplete results.
-            sweep_unfinished(&self.results());
+            self.results().iter().for_each(|folder| sweep_unfinished(folder));
             match ended {
+                Ended::Died(Death::Time(seconds)) if self.results().is_none() => {
+                    let problem = format!("takes more than {seconds} s of processor time");
+                    Error::input("draft", problem, "render the scene without a draft")
+                }
                 Ended::Error(error) => error,
                 Ended::Died(death) => Error::input("computation", &death, remedy(&death)),
             }
         })
     }
 }
+
+/// Most processor time of a draft in s.
+const DRAFT_S: u64 = 60;
 
 /// Folder of a job's results.
 pub fn result_folder(data: &Path, id: &str) -> PathBuf {
@@ -96,8 +118,16 @@ pub fn jobs(data: PathBuf, renders: Arc<Renders>) -> Work {
             }
         });
         renders.clear();
-        Ok(done?)
+        Ok(done.map(drop)?)
     })
+}
+
+/// Renders a draft in a process; returns a PNG.
+///
+/// # Errors
+/// Those of the scene; `Cancelled`.
+pub fn draft(folder: PathBuf, scene: String, side: usize, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
+    Ok(Task::Draft { folder, scene, side }.run(progress, &mut |_| ())?.bytes)
 }
 
 /// Computes the results of a session in a process.
@@ -105,5 +135,5 @@ pub fn jobs(data: PathBuf, renders: Arc<Renders>) -> Work {
 /// # Errors
 /// Those of the computation.
 pub fn session(folder: &Path, progress: &dyn Progress) -> Result<(), Failure> {
-    Ok(Task::Session(folder.into()).run(progress, &mut |_| ())?)
+    Ok(Task::Session(folder.into()).run(progress, &mut |_| ()).map(drop)?)
 }

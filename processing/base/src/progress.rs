@@ -27,6 +27,12 @@ pub trait Progress: Sync {
     /// True once the computation must stop; it then returns [`Error::Cancelled`] and leaves nothing behind.
     fn cancelled(&self) -> bool;
 
+    /// True once the result so far is wanted: a computation that improves in passes ends with those that it has, and
+    /// writes its result.
+    fn is_enough(&self) -> bool {
+        false
+    }
+
     /// `Err(Cancelled)` if the computation must stop.
     fn check(&self) -> Result<()> {
         if self.cancelled() { Err(Error::Cancelled) } else { Ok(()) }

@@ -3,7 +3,7 @@
 use super::brdf::{Map, Views, map};
 use super::geometry::Window;
 use super::height::{EXTENSIONS, HeightField, Quality, Scale, read};
-use super::output::{albedo, needed_size, write_map, write_picture};
+use super::output::{albedo, needed_size, write_figure, write_map, write_picture};
 use super::report::Report;
 use super::settings::Settings;
 use nacre_base::estimate::Work;
@@ -105,15 +105,17 @@ impl Operation for Options {
         budget::Operation::Heights.check_file(&file(input)?)
     }
 
-    /// Makes a map of the height field `input`, or of the only one in this folder: `brdf.exr` and `brdf.png`.
+    /// Makes a map of the height field `input`, or of the only one in this folder: `brdf.exr` and `brdf.png`, and as a
+    /// figure with axes: `figure.svg` and `figure.png`.
     fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report<MapReport>> {
         let path = file(input)?;
         let (map, report) = self.map(&path, progress)?;
         write_map(&out.path("brdf.exr"), &map, &self.settings)?;
         write_picture(&out.path("brdf.png"), &map)?;
+        write_figure([&out.path("figure.svg"), &out.path("figure.png")], &map, &self.settings)?;
         Ok(Report {
             input: path.file_name().map(PathBuf::from).unwrap_or_default(),
-            files: ["brdf.exr", "brdf.png"].map(PathBuf::from).into(),
+            files: ["brdf.exr", "brdf.png", "figure.svg", "figure.png"].map(PathBuf::from).into(),
             ..report
         })
     }

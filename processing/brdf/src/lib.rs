@@ -32,6 +32,7 @@ mod choose;
 mod densities;
 mod engine;
 mod expansion;
+mod figure;
 mod fresnel;
 pub mod gems;
 mod geometry;

@@ -2,12 +2,14 @@
 
 use super::brdf::{Map, Slice, Views};
 use super::check::GratingCheck;
+use super::figure::figure;
 use super::height::HeightField;
 use super::peaks::peaks_picture;
 use super::settings::{Normalisation, Settings};
 use nacre_base::{Error, Result};
 use nacre_image::{Attribute, encode_png8, scalar_picture, write_exr, write_whole, write_whole_with};
 use nacre_optics::color::displayed_codes;
+use nacre_plot::png_from_svg;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -15,6 +17,9 @@ use std::path::Path;
 /// compression.
 const BELOW: [u8; 3] = [58, 58, 66];
 const KEY: f32 = 0.6;
+
+/// Pixels of a figure per unit of its page.
+const FIGURE_ZOOM: f32 = 2.0;
 
 /// Largest number of rows of a table.
 const MOST_ROWS: usize = 20_000_000;
@@ -53,6 +58,22 @@ pub fn write_map(path: &Path, map: &Map, settings: &Settings) -> Result<()> {
 /// # Errors
 /// `Output` if the system refuses.
 pub fn write_picture(path: &Path, map: &Map) -> Result<()> {
+    let encoded = encode_png8(map.size, map.size, 3, &codes(map)).map_err(|e| Error::output(path, e))?;
+    write_whole(path, &encoded)
+}
+
+/// Writes a map as a figure with rings of equal angle, axes and a colour bar, as SVG and PNG.
+///
+/// # Errors
+/// `Output` if the system refuses.
+pub fn write_figure([svg, png]: [&Path; 2], map: &Map, settings: &Settings) -> Result<()> {
+    let text = figure(map, settings)?;
+    write_whole(svg, text.as_bytes())?;
+    write_whole(png, &png_from_svg(&text, FIGURE_ZOOM)?)
+}
+
+/// sRGB codes of a map.
+pub(crate) fn codes(map: &Map) -> Vec<u8> {
     let mut light: Vec<f32> = map.xyz.iter().map(|v| v[1]).filter(|y| *y > 0.0).collect();
     light.sort_by(f32::total_cmp);
     // The mirror direction outshines all orders, so the exposure follows from the distribution of the light.
@@ -63,8 +84,7 @@ pub fn write_picture(path: &Path, map: &Map) -> Result<()> {
     for xyz in &map.xyz {
         bytes.extend(if xyz[1].is_nan() { BELOW } else { displayed_codes(xyz.map(|v| v * scale)) });
     }
-    let encoded = encode_png8(map.size, map.size, 3, &bytes).map_err(|e| Error::output(path, e))?;
-    write_whole(path, &encoded)
+    bytes
 }
 
 /// Size of a map whose pixels resolve the lobes. A lobe of the coherence window has the standard deviation λσ, smallest

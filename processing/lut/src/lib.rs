@@ -3,6 +3,7 @@
 
 pub mod bokeh;
 mod choose;
+mod figure;
 pub mod foil;
 mod geometry;
 mod input;

@@ -1,5 +1,6 @@
 //! Maps, pictures and radial profile of a table.
 
+use super::figure::figure;
 use super::lookup::{Table, UNKNOWN};
 use super::report::Coverage;
 use super::settings::Settings;
@@ -8,6 +9,7 @@ use nacre_base::Result;
 use nacre_base::parallel::sum_in_order;
 use nacre_image::{Attribute, OutputFolder, scalar_picture, write_exr, write_png8};
 use nacre_optics::color::{Illuminant, displayed_codes};
+use nacre_plot::png_from_svg;
 use rayon::prelude::*;
 use std::fmt::Write;
 
@@ -17,6 +19,9 @@ const FULL: f32 = 0.99;
 /// Colour of unknown entries; brightness of the picture's ninth decile, relative to white, before compression.
 const GRAY: [u8; 3] = [58, 58, 66];
 const KEY: f32 = 0.4;
+
+/// Pixels of the figure per unit of its page.
+const FIGURE_ZOOM: f32 = 2.0;
 
 /// Number of rings of the radial profile.
 const RINGS: usize = 256;
@@ -33,6 +38,10 @@ pub(super) struct Output<'a> {
 impl Output<'_> {
     fn size(&self) -> usize {
         self.settings.size
+    }
+
+    fn grid(&self) -> Grid {
+        Grid { size: self.size(), extent: self.table.extent, warp: self.settings.warp }
     }
 
     /// X, Y, Z and coverage; light is NaN for unknown entries.
@@ -54,7 +63,7 @@ impl Output<'_> {
         }
     }
 
-    /// Writes `lut.exr`, `lut.png`, `coverage.png` and `profile.csv`.
+    /// Writes `lut.exr`, `lut.png`, `figure.svg`, `figure.png`, `coverage.png` and `profile.csv`.
     pub(super) fn write(&self, folder: &OutputFolder) -> Result<()> {
         let size = self.size();
         let units = "X Y Z under this light, 1 for a photograph that is 1 everywhere (exponent 0); NaN where nothing was measured; \
@@ -74,6 +83,10 @@ impl Output<'_> {
         })?;
         folder.sync("lut.exr")?;
         write_png8(&folder.path("lut.png"), size, size, 3, &self.picture())?;
+        let luminance = |x: usize, y: usize| self.at(y * size + x)[1];
+        let figure = figure(&self.grid(), &luminance, &self.settings.illuminant)?;
+        folder.write("figure.svg", figure.as_bytes())?;
+        folder.write("figure.png", &png_from_svg(&figure, FIGURE_ZOOM)?)?;
         let coverage = |x: usize, y: usize| Some(self.at(y * size + x)[3]);
         let title = "Coverage";
         let canvas =
@@ -106,7 +119,7 @@ impl Output<'_> {
 
     /// Means over rings around the zero order.
     fn profile(&self) -> String {
-        let grid = Grid { size: self.size(), extent: self.table.extent, warp: self.settings.warp };
+        let grid = self.grid();
         let mut rings = vec![[0.0_f64; 5]; RINGS];
         for i in 0..self.table.entries.len() {
             let radius = grid.at(i % grid.size).hypot(grid.at(i / grid.size)) / grid.extent;

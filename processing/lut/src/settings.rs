@@ -101,7 +101,7 @@ Lights: E, A, A-inverse, D65, FL1 to FL12, LED-B1, LED-B3, or a CSV file with ro
 
 Writes lut.exr (X Y Z coverage over half vectors ωi + ωo from -E to E, x to the right and y up; Y is 1 for a
 photograph that is 1 everywhere and the exponent 0; coverage is the part of each entry that was measured),
-lut.png, coverage.png, profile.csv (means over rings) and report.json.";
+lut.png, figure.svg, figure.png, coverage.png, profile.csv (means over rings) and report.json.";
 
 /// Photograph of a light's mirror image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

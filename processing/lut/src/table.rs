@@ -39,6 +39,13 @@ impl Grid {
         let even = (2.0 * k as f64 + 1.0) / self.size as f64 - 1.0;
         self.extent * even.powi(self.warp)
     }
+
+    /// Index of the entry nearest to a half-vector component, given as a fraction of the extent.
+    pub(super) fn entry(&self, part: f64) -> usize {
+        let even = part.abs().powf(1.0 / f64::from(self.warp)).copysign(part);
+        let k = (0.5 * (even + 1.0) * self.size as f64 - 0.5).round();
+        (k.max(0.0) as usize).min(self.size - 1)
+    }
 }
 
 /// Summation method.

@@ -20,6 +20,7 @@
 //! # Ok::<(), nacre_base::Error>(())
 //! ```
 
+pub mod directions;
 mod labels;
 mod pdf;
 mod png;

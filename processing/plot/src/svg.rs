@@ -231,6 +231,11 @@ impl Ruler {
         Self { scale: Scale::Linear, low, high, from, to }
     }
 
+    /// Logarithmic ruler from exactly `low` to `high`, both above 0.
+    pub fn exact_log(low: f64, high: f64, from: f64, to: f64) -> Self {
+        Self { scale: Scale::Log, low, high, from, to }
+    }
+
     /// Position of a value; values out of range are clamped to the ends.
     pub fn at(&self, value: f64) -> f64 {
         let share = if self.scale == Scale::Log {

@@ -35,7 +35,10 @@ mod gallery;
 mod tests;
 
 pub use gallery::{GALLERY, gallery, gallery_scene, gallery_skin, scene_of_maps};
-pub use job::{EnvironmentReport, Options, Prediction, Report, SoFar, SpectralReport, Written, render, render_watched};
+pub use job::{
+    EnvironmentReport, Options, Prediction, Report, SoFar, SpectralReport, Written, draft, render, render_watched,
+    scene_text,
+};
 pub use material::diffraction::grating::{BalancedOrder, BalancedOrders};
 pub use material::{Notes, SAMPLES};
 pub use picture::{

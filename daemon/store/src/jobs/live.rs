@@ -8,6 +8,7 @@ use std::sync::{Mutex, PoisonError};
 pub(super) struct Live {
     pub id: String,
     cancelled: AtomicBool,
+    enough: AtomicBool,
     stage: Mutex<String>,
     steps: AtomicU64,
     done: AtomicU64,
@@ -19,6 +20,7 @@ impl Live {
         Self {
             id: id.into(),
             cancelled: AtomicBool::new(false),
+            enough: AtomicBool::new(false),
             stage: Mutex::default(),
             steps: AtomicU64::new(0),
             done: AtomicU64::new(0),
@@ -53,6 +55,15 @@ impl Live {
 
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Asks for the result so far.
+    pub fn finish(&self) {
+        self.enough.store(true, Ordering::Relaxed);
+    }
+
+    pub fn is_enough(&self) -> bool {
+        self.enough.load(Ordering::Relaxed)
     }
 
     /// Begins a stage.

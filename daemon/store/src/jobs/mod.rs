@@ -296,6 +296,11 @@ impl Jobs {
         Ok(self.shared.with_progress(job))
     }
 
+    /// Asks a running job to end its passes and to keep the result so far; false if it is not running.
+    pub fn finish(&self, id: &str) -> bool {
+        self.shared.finish(id)
+    }
+
     /// Queues an unsuccessful job again, with all its attempts.
     ///
     /// # Errors

@@ -77,6 +77,13 @@ impl Shared {
         }
     }
 
+    /// Asks the running job for its result so far; false if another one is running.
+    pub fn finish(&self, id: &str) -> bool {
+        let current = self.current();
+        let live = current.as_ref().filter(|live| live.id == id);
+        live.inspect(|live| live.finish()).is_some()
+    }
+
     /// Requests the end of the running job, and prevents others from starting.
     pub fn stop(&self) {
         self.stopping.store(true, Ordering::Relaxed);
@@ -211,6 +218,10 @@ impl Progress for Reporter {
 
     fn cancelled(&self) -> bool {
         self.live.is_cancelled() || self.shared.stopping()
+    }
+
+    fn is_enough(&self) -> bool {
+        self.live.is_enough()
     }
 }
 

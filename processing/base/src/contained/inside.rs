@@ -1,11 +1,11 @@
 //! Child process that performs contained work.
 
-use super::{Limits, Message, Order, Part};
+use super::{ENOUGH, Limits, Message, Order, Part};
 use crate::Error;
 use crate::estimate::Work;
 use crate::progress::Progress;
 use serde_json::Value;
-use std::io::{self, BufRead, Read, Write};
+use std::io::{self, BufRead, Write};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,6 +17,7 @@ const MISUSED: u8 = 2;
 pub struct Link {
     limits: Limits,
     cancelled: Arc<AtomicBool>,
+    enough: Arc<AtomicBool>,
     steps: AtomicU64,
     done: AtomicU64,
     out: Mutex<io::Stdout>,
@@ -69,6 +70,10 @@ impl Progress for Link {
     fn cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
     }
+
+    fn is_enough(&self) -> bool {
+        self.enough.load(Ordering::Relaxed)
+    }
 }
 
 /// Serves one task on standard input and output: applies the limits sent with it, performs it, and sends its result or
@@ -84,15 +89,18 @@ pub fn serve(work: impl FnOnce(Value, &Link) -> Result<Part, Error>) -> ExitCode
         let _ = writeln!(io::stderr(), "the limits of the process cannot be set: {error}");
         return ExitCode::FAILURE;
     }
-    let cancelled = Arc::new(AtomicBool::new(false));
-    let wish = cancelled.clone();
+    let (cancelled, enough) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+    let wishes = (cancelled.clone(), enough.clone());
     std::thread::spawn(move || {
-        let _ = io::copy(&mut io::stdin().lock().by_ref(), &mut io::sink());
-        wish.store(true, Ordering::Relaxed);
+        for line in io::stdin().lock().lines().map_while(Result::ok) {
+            wishes.1.fetch_or(line == ENOUGH, Ordering::Relaxed);
+        }
+        wishes.0.store(true, Ordering::Relaxed);
     });
     let link = Link {
         limits: order.limits,
         cancelled,
+        enough,
         steps: AtomicU64::new(0),
         done: AtomicU64::new(0),
         out: Mutex::new(io::stdout()),

@@ -3,7 +3,9 @@
 //!
 //! A program registers itself at its start ([`register`]) and serves tasks in its hidden command ([`serve`]). [`run`]
 //! starts that command and writes the limits and the task to its standard input. It reads `Message`s from its standard
-//! output: JSON lines, optionally followed by bytes. Standard input stays open; closing it is the request to stop.
+//! output: JSON lines, optionally followed by bytes. Standard input stays open. The line [`ENOUGH`] asks
+//! for the result so far ([`Progress::is_enough`](crate::progress::Progress::is_enough)); closing it is the request to
+//! stop.
 //!
 //! On Linux, the process has a limit on its data (`RLIMIT_DATA`: heap, thread stacks and private mappings, but not
 //! mappings of graphics drivers and files) and, optionally, on processor time. The kernel kills it first when memory
@@ -27,6 +29,9 @@ use std::time::Duration;
 
 /// Hidden command of the program, which calls [`serve`].
 pub const COMMAND: &str = "job";
+
+/// Line that asks the process to end its passes and write the result.
+const ENOUGH: &str = "enough";
 
 static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
 

@@ -1,6 +1,6 @@
 //! Parent process that requests contained work.
 
-use super::{COMMAND, Death, Ended, GRACE, Limits, Message, Order, PROGRAM, Part};
+use super::{COMMAND, Death, ENOUGH, Ended, GRACE, Limits, Message, Order, PROGRAM, Part};
 use crate::Error;
 use crate::progress::Progress;
 use serde_json::Value;
@@ -40,11 +40,16 @@ pub fn run(task: Value, limits: Limits, progress: &dyn Progress, shown: &mut dyn
     // Temporary files of the work are removed with this folder, however the process ends.
     let scratch = tempfile::Builder::new().prefix("nacre-job-").tempdir().map_err(not_started)?;
     let mut process = Process::start(task, limits, scratch.path()).map_err(not_started)?;
-    let (mut steps, mut asked) = (0_u64, None::<Instant>);
+    let (mut steps, mut asked, mut enough) = (0_u64, None::<Instant>, false);
     let answer = loop {
         if asked.is_none() && progress.cancelled() {
             // Closing standard input requests the stop.
             (process.child.stdin, asked) = (None, Some(Instant::now()));
+        }
+        if !enough && progress.is_enough() {
+            enough = true;
+            // If the process has ended, its last message follows.
+            let _ = process.child.stdin.as_mut().map(|stdin| writeln!(stdin, "{ENOUGH}"));
         }
         if asked.is_some_and(|since| since.elapsed() > GRACE) {
             break None;

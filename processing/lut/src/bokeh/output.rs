@@ -39,7 +39,8 @@ pub(super) fn write(folder: &OutputFolder, outcome: &Outcome, scale_bar: bool) -
         picture.save_png(&folder.path(&format!("{name}.png")))?;
     }
     if let Some(slice) = &outcome.slice {
-        folder.write("slice.csv", slice.csv(outcome.scale.pixel_um, &height).as_bytes())?;
+        let column = if outcome.calibration.is_some() { "height_um" } else { "height_relative" };
+        folder.write("slice.csv", slice.csv(outcome.scale.pixel_um, column, &height).as_bytes())?;
     }
     if let Some(calibration) = outcome.calibration.as_ref().filter(|c| c.grating.is_some()) {
         folder.write_json("calibration.json", calibration)?;

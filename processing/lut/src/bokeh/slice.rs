@@ -113,10 +113,11 @@ impl Slice {
         values
     }
 
-    /// CSV table: position in pixels and, if the pixel size is known, in µm; light; its standard error; height.
-    pub(super) fn csv(&self, pixel_um: Option<f64>, height: &dyn Fn(f64) -> f64) -> String {
+    /// CSV table: position in pixels and, if the pixel size is known, in µm; light; its standard error; height,
+    /// whose column has the given name.
+    pub(super) fn csv(&self, pixel_um: Option<f64>, column: &str, height: &dyn Fn(f64) -> f64) -> String {
         use std::fmt::Write;
-        let mut text = String::from("position_px,position_um,light,light_sigma,height\n");
+        let mut text = format!("position_px,position_um,light,light_sigma,{column}\n");
         let number = |v: f64| if v.is_finite() { format!("{v:.6e}") } else { String::new() };
         for (i, (light, sigma)) in self.light.iter().zip(&self.sigma).enumerate() {
             let um = pixel_um.map_or(String::new(), |p| format!("{:.4}", p * i as f64));

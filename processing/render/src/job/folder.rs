@@ -3,12 +3,12 @@
 use super::report::{Report, SoFar};
 use super::{render_watched, spectral};
 use crate::picture::{Picture, exposure, png, write_picture, write_png};
-use crate::prepared_scene;
-use crate::scene::Scene;
+use crate::scene::{MAX_BYTES, REMEDY, Scene};
 use crate::settings::{Method, Settings};
 use nacre_base::estimate::{Machine, Work};
 use nacre_base::operation::{Input, Operation, Summary};
 use nacre_base::progress::Progress;
+use nacre_base::text::read_text;
 use nacre_base::{Error, OutputFolder, Result};
 use nacre_image::budget;
 use nacre_image::{Depth, Info};
@@ -52,20 +52,29 @@ pub struct Options {
     /// requires.
     #[schemars(extend("x-advanced" = true))]
     pub rank: Option<usize>,
+    /// Text of a scene (TOML) that replaces the scene of the folder, beside the same files.
+    #[schemars(extend("x-advanced" = true))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<String>,
 }
 
 impl Default for Options {
     fn default() -> Self {
         let Settings { samples, max_error, wavelengths, check, spectral_nm, method, rank, .. } = Settings::default();
-        Self { samples, max_error, wavelengths, check, spectral_nm, method, rank }
+        Self { samples, max_error, wavelengths, check, spectral_nm, method, rank, scene: None }
     }
 }
 
 impl Options {
     /// Converts to settings of a rendering.
     pub fn settings(&self) -> Settings {
-        let Self { samples, max_error, wavelengths, check, spectral_nm, method, rank } = *self;
+        let Self { samples, max_error, wavelengths, check, spectral_nm, method, rank, .. } = *self;
         Settings { samples, max_error, wavelengths, check, spectral_nm, method, rank, ..Settings::default() }
+    }
+
+    /// Text of the scene: the given one, or that of the folder.
+    fn text(&self, folder: &Path) -> Result<String> {
+        self.scene.clone().map_or_else(|| scene_text(folder), Ok)
     }
 }
 
@@ -104,6 +113,14 @@ pub(super) fn measured_work(scene: &Scene, settings: &Settings, [taken_s, left_s
     Work { operation: "passes".into(), seconds: left_s * Machine::here().speed, taken_s, ..most }
 }
 
+/// Text of the scene in a folder: its only TOML file.
+///
+/// # Errors
+/// `Input` if there is none, or more than one.
+pub fn scene_text(folder: &Path) -> Result<String> {
+    read_text(&scene_in(folder)?, MAX_BYTES, REMEDY)
+}
+
 /// The only TOML file of a folder.
 fn scene_in(folder: &Path) -> Result<PathBuf> {
     let files =
@@ -128,17 +145,16 @@ impl Operation for Options {
     /// estimate, when they meet the target error.
     fn check(&self, input: &Path) -> Result<Work> {
         self.settings().check()?;
-        let scene = Scene::read(&scene_in(input)?)?;
-        prepared_scene::check(&scene)?;
-        scene.check_files(input)?;
+        let scene = Scene::beside(&self.text(input)?, input)?;
         self.spectral_nm.map_or(Ok(()), |step| spectral::check(&scene, step))?;
         Ok(work(&scene, self))
     }
 
-    /// Writes `render.exr` and `render.png`. Previews are shown at most once a second and take at most a twentieth of
-    /// the time.
+    /// Writes `render.exr`, `render.png`, and the scene as `scene.toml`. Previews are shown at most once a second and
+    /// take at most a twentieth of the time.
     fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Written> {
-        let scene = Scene::read(&scene_in(input)?)?;
+        let text = self.text(input)?;
+        let scene = Scene::beside(&text, input)?;
         let mut due = Instant::now();
         let mut watch = |picture: &Picture, so_far: &SoFar| {
             let begun = Instant::now();
@@ -157,13 +173,18 @@ impl Operation for Options {
         let exposure = scene.exposure.unwrap_or_else(|| exposure(&picture));
         write_picture(&out.path("render.exr"), &picture)?;
         write_png(&out.path("render.png"), &picture, exposure)?;
-        if report.noise > self.max_error {
-            let (noise, wanted) = (report.noise, self.max_error);
+        out.write("scene.toml", text.as_bytes())?;
+        let (noise, wanted) = (report.noise, self.max_error);
+        if progress.is_enough() {
+            report
+                .warnings
+                .push(format!("stopped on request at a noise of {noise:.2e} of the mean; {wanted} was asked for"));
+        } else if noise > wanted {
             report.warnings.push(format!(
                 "the noise is {noise:.2e} of the mean, more than the {wanted} asked for: allow more samples"
             ));
         }
-        report.files = ["render.exr", "render.png"].map(PathBuf::from).into();
+        report.files = ["render.exr", "render.png", "scene.toml"].map(PathBuf::from).into();
         progress.step();
         Ok(Written { report, settings: self.clone(), exposure })
     }

@@ -1,5 +1,6 @@
 //! Renders a scene in passes until the target error is met, with a report, and as a job on folders.
 
+mod draft;
 mod flats;
 mod folder;
 mod report;
@@ -7,7 +8,8 @@ mod spectral;
 mod sums;
 mod two_pass;
 
-pub use folder::{Options, Written};
+pub use draft::draft;
+pub use folder::{Options, Written, scene_text};
 pub use report::{Prediction, Report, SoFar};
 pub use spectral::SpectralReport;
 pub use two_pass::EnvironmentReport;
@@ -99,7 +101,7 @@ pub fn render_watched(
     let times = [begun.elapsed().as_secs_f64(), predicted.seconds];
     progress.expect(&folder::measured_work(scene, settings, times))?;
     progress.stage("passes", passes.saturating_sub(picture.passes) as u64);
-    while !picture.is_enough(most, wanted) {
+    while !picture.is_enough(most, wanted, progress) {
         match &mut card {
             Some(card) => on_card(card, &mut picture, progress)?,
             None => picture.add(prepared, progress)?,
@@ -189,7 +191,7 @@ fn own_first_passes(
     let larger = picture.pass_samples / SAMPLES;
     let of = (ahead.passes(error, most * larger) / larger).max(FEWEST).min(most);
     progress.stage("first passes", FEWEST.min(most).saturating_sub(first) as u64);
-    while picture.passes < FEWEST.min(most) {
+    while picture.passes < FEWEST.min(most) && !picture.is_wanted_now(progress) {
         picture.add(prepared, progress)?;
         progress.step();
         let seconds_left = (ahead.seconds_of_a_pass * larger as f64) * (of - picture.passes) as f64;

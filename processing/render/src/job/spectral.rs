@@ -84,7 +84,7 @@ pub(crate) fn spectra(
     for three in nm.chunks(3) {
         prepared.set_bands(scene, folder, Bands { first_nm: three[0], step_nm: step })?;
         let mut picture = Picture::new(prepared.size());
-        while !picture.is_enough(most, settings.max_error) {
+        while !picture.is_enough(most, settings.max_error, progress) {
             picture.add(&prepared, progress)?;
         }
         for (k, nm) in three.iter().enumerate() {

@@ -137,8 +137,14 @@ impl Picture {
     }
 
     /// Whether it has the maximum number of passes, or meets the target error.
-    pub(crate) fn is_enough(&self, most: usize, error: f64) -> bool {
-        self.passes >= most || (self.passes >= FEWEST && self.error() <= error)
+    pub(crate) fn is_enough(&self, most: usize, error: f64, progress: &dyn Progress) -> bool {
+        let met = self.passes >= FEWEST && self.error() <= error;
+        self.passes >= most || met || self.is_wanted_now(progress)
+    }
+
+    /// Whether the picture was asked for as it is, and has the two passes from which its noise is known.
+    pub(crate) fn is_wanted_now(&self, progress: &dyn Progress) -> bool {
+        self.passes > 1 && progress.is_enough()
     }
 
     /// Samples per pixel, averaged over lit pixels.

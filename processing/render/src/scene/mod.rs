@@ -7,6 +7,7 @@ mod material;
 pub(crate) use files::inside;
 pub use material::{Base, Blend, Bright, Color, Coverage, Diffraction, Material, Relief, Value};
 
+use crate::prepared_scene;
 use nacre_base::text::{from_toml, read_text};
 use nacre_base::{Error, Result, Version};
 use nacre_optics::color::Observer;
@@ -16,7 +17,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Maximum size of a scene file in bytes.
-const MAX_BYTES: u64 = 4 << 20;
+pub(crate) const MAX_BYTES: u64 = 4 << 20;
 
 /// Remedy for an invalid scene.
 pub(crate) const REMEDY: &str = "correct the scene; `nacre schema scene` describes it";
@@ -336,6 +337,17 @@ impl Scene {
     pub fn read(path: &Path) -> Result<Self> {
         let text = read_text(path, MAX_BYTES, REMEDY)?;
         Self::parse(&text).map_err(|problem| Error::file(path, problem, REMEDY))
+    }
+
+    /// Parses a scene, and checks it and the names of its files, which must lie in the folder.
+    ///
+    /// # Errors
+    /// `Input`, which names key or file.
+    pub fn beside(text: &str, folder: &Path) -> Result<Self> {
+        let scene = Self::parse(text).map_err(|problem| Error::input("scene", problem, REMEDY))?;
+        prepared_scene::check(&scene)?;
+        scene.check_files(folder)?;
+        Ok(scene)
     }
 
     /// Parses a scene.

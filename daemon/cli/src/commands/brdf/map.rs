@@ -7,7 +7,7 @@ use nacre_base::operation::{Operation, Summary};
 use nacre_base::progress::Progress;
 use nacre_base::vacant;
 use nacre_brdf::Options;
-use nacre_brdf::output::{write_map, write_picture};
+use nacre_brdf::output::{write_figure, write_map, write_picture};
 use nacre_capture::Failure;
 use std::path::PathBuf;
 
@@ -21,8 +21,9 @@ Examples:
   nacre brdf map blazed.exr --zoom 20 --center 0.22,0 --out order.exr          the first order alone
   nacre brdf map afm.txt --level --reflectance silicon --max-error 0.001 --out silicon.exr
 
-Writes FILE.exr, FILE.png (picture) and FILE.json (surface, method and accuracy). The EXR holds X Y Z over viewing
-directions (x, y) = sin θ (cos φ, sin φ), y up, with NaN below the surface.")]
+Writes FILE.exr, FILE.png (picture), FILE.figure.svg and FILE.figure.png (picture and luminance with angles, axes and
+a colour bar) and FILE.json (surface, method and accuracy). The EXR holds X Y Z over viewing directions
+(x, y) = sin θ (cos φ, sin φ), y up, with NaN below the surface.")]
 pub struct Map {
     /// Height field. Accepts a grey image (bright is high), an EXR map, text, or an AFM or profilometer file. Images:
     /// PNG, TIFF, JPEG, BMP. Instruments: Gwyddion, Igor, X3P, Nanoscope, SDF, Nanosurf, Surfer, BCR. Text: rows of
@@ -45,12 +46,15 @@ impl Map {
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let options = self.options.options()?;
         let [picture, json] = ["png", "json"].map(|e| self.out.with_extension(e));
-        vacant(&[self.out.clone(), picture.clone(), json.clone()], self.force)?;
+        let figure = ["figure.svg", "figure.png"].map(|e| self.out.with_extension(e));
+        let written = [self.out.clone(), picture.clone(), json.clone()].into_iter().chain(figure.clone());
+        vacant(&written.collect::<Vec<_>>(), self.force)?;
         console.expect(&options.check(&self.height)?)?;
         let (map, mut report) = options.map(&self.height, console)?;
         write_map(&self.out, &map, &options.settings)?;
         write_picture(&picture, &map)?;
-        report.files = vec![self.out.clone(), picture, json.clone()];
+        write_figure([&figure[0], &figure[1]], &map, &options.settings)?;
+        report.files = [self.out.clone(), picture, json.clone()].into_iter().chain(figure).collect();
         report.write(&json)?;
         console.result(&report.summary(), &report);
         options.missed(&report).map_or(Ok(()), |why| Err(Failure::Bound(why)))
