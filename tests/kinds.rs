@@ -16,9 +16,14 @@ fn service() -> (Place, Service, String) {
 /// Waits for the results of the session on the page, and opens them.
 fn opened(browser: &Browser, service: &Service) {
     browser.until("location.hash.startsWith('#/session/')");
-    // Fringes take minutes to simulate on a busy machine, longer than a browser is waited for.
     let id = browser.run("return location.hash.split('/')[2]").as_str().unwrap().to_owned();
-    service.until(&format!("/api/v1/sessions/{id}"), |session| session["has_results"] == true);
+    let path = format!("/api/v1/sessions/{id}");
+    // Fringes take minutes to simulate on a busy machine; each part of a session has a time limit.
+    let taken = |session: &serde_json::Value| session["frames_committed"].as_u64().unwrap();
+    service.until(&path, |session| taken(session) > 0);
+    service.until(&path, |session| 2 * taken(session) >= session["frames_planned"].as_u64().unwrap());
+    service.until(&path, |session| session["state"] == "finished");
+    service.until(&path, |session| session["has_results"] == true);
     browser.until("document.querySelector('#open-result') && !document.querySelector('#open-result').hidden");
     browser.click("#open-result");
     browser.until("location.hash.startsWith('#/result/')");
