@@ -92,7 +92,7 @@ pub async fn run(
     if results.is_empty() {
         super::reconstruction_request::check_input(method, [session.as_ref(), upload.as_ref()], light.as_ref())?;
     } else {
-        super::used_results::check(method, &results, session.as_ref())?;
+        super::used_results::check(method, &results, [session.as_ref(), upload.as_ref()])?;
     }
     let mut spec = Spec { name, operation: method, options, session, upload, light, ..Spec::default() };
     app.look_up_results(&mut spec, &results).await?;

@@ -27,7 +27,7 @@ const LONGEST: usize = 60;
 ///
 /// # Errors
 /// `bad-request`.
-pub fn check(method: Method, results: &[String], session: Option<&String>) -> Answer<()> {
+pub fn check(method: Method, results: &[String], [session, upload]: [Option<&String>; 2]) -> Answer<()> {
     if method.operation().input() != Input::Maps {
         return Err(
             Problem::bad(format!("{} does not take results", method.name())).remedy("give a session or an upload")
@@ -36,7 +36,7 @@ pub fn check(method: Method, results: &[String], session: Option<&String>) -> An
     if session.is_some() || results.len() > MOST {
         return Err(Problem::bad(format!("give either a session or at most {MOST} results")));
     }
-    results.iter().try_for_each(|id| super::check_id(id).map(drop))
+    results.iter().chain(upload).try_for_each(|id| super::check_id(id).map(drop))
 }
 
 impl App {
@@ -195,5 +195,16 @@ mod tests {
         }
         let gone = Spec { results: vec![used("Q", None)], ..Spec::default() };
         assert!(Staged::of(&gone, data.path()).err().unwrap().to_string().contains("no longer exists"));
+    }
+
+    #[test]
+    fn ids_are_checked_before_they_become_paths() {
+        let method = |name: &str| Method::of(name).unwrap();
+        let id = "01JQ0000000000000000000001".to_owned();
+        let checked = |name: &str, result: &str, upload: &str| {
+            check(method(name), &[result.to_owned()], [None, Some(&upload.to_owned())]).is_ok()
+        };
+        assert!(checked("inspect", &id, &id));
+        assert!(!checked("inspect", "../x", &id) && !checked("inspect", &id, "../x") && !checked("hdr", &id, &id));
     }
 }
