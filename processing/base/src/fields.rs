@@ -23,6 +23,9 @@ pub const UNSET: &str = "x-unset";
 /// Schema key: true for an option that is rarely needed.
 pub const ADVANCED: &str = "x-advanced";
 
+/// Schema key: true for an option of requests to the service, which has no flag.
+pub const REQUEST: &str = "x-request";
+
 /// Schema key of a variant with a value: the value if only the variant's name is given.
 pub const BARE: &str = "x-bare";
 
@@ -148,6 +151,9 @@ fn option(root: &Value, mut schema: Map<String, Value>, mut at: Place, required:
             merge(&mut own, resolved(root, inner));
             option(root, own, at.then(key), false, list);
         }
+        return;
+    }
+    if is_set(&schema, REQUEST) {
         return;
     }
     if at.advanced {

@@ -63,7 +63,7 @@ impl Directions<'_> {
         let ([x, y], radius) = (self.rulers(), degrees.to_radians().sin());
         let on = |azimuth: f64| [radius * azimuth.to_radians().cos(), radius * azimuth.to_radians().sin()];
         // Parts of the ring in a strongly enlarged square are shorter than a degree.
-        let step = (60.0 * self.half).clamp(1e-3, 1.0);
+        let step = self.half.clamp(1e-3, 1.0);
         let ring: Vec<[f64; 2]> = (0..=(360.0 / step).round() as usize).map(|k| on(k as f64 * step)).collect();
         let visible = || ring.split(|at| !self.shows(*at)).filter(|run| run.len() > 1);
         for run in visible() {
@@ -74,7 +74,8 @@ impl Directions<'_> {
         let label = usual.or_else(|| visible().next().map(|run| run[run.len() / 2]));
         if let Some(at) = label.filter(|_| degrees < 90.0) {
             let text = format!("{}°", number(degrees));
-            svg.text([x.at(at[0]) + 3.0, y.at(at[1]) - 3.0], &text, 12.0, Anchor::Start, &fill(ink));
+            // Within the ring, since beyond the horizon the background is light.
+            svg.text([x.at(at[0]) - 4.0, y.at(at[1]) + 13.0], &text, 12.0, Anchor::End, &fill(ink));
         }
     }
 

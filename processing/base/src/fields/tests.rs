@@ -164,3 +164,16 @@ fn values_are_put_where_they_belong() {
     }
     assert_eq!(options, json!({ "light": { "path": "light", "scale": "light-scale" } }));
 }
+
+#[test]
+fn options_of_requests_have_no_flag() {
+    #[derive(JsonSchema)]
+    #[allow(dead_code)]
+    struct Request {
+        samples: usize,
+        #[schemars(extend("x-request" = true))]
+        text: Option<String>,
+    }
+    let fields = Fields::of(schemars::schema_for!(Request).to_value());
+    assert_eq!(fields.list.iter().map(Field::name).collect::<Vec<_>>(), ["samples"]);
+}

@@ -53,7 +53,7 @@ pub struct Options {
     #[schemars(extend("x-advanced" = true))]
     pub rank: Option<usize>,
     /// Text of a scene (TOML) that replaces the scene of the folder, beside the same files.
-    #[schemars(extend("x-advanced" = true))]
+    #[schemars(extend("x-request" = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,
 }
