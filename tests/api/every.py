@@ -5,6 +5,7 @@ Usage: every.py URL PROGRAM.ts: inputs are simulated by the program NACRE_BIN in
 
 import importlib
 import json
+import math
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import time
 import urllib.request
 import uuid
 from pathlib import Path
+from random import Random
 
 from jsonschema import Draft202012Validator
 from nacre_client import Client, models
@@ -61,6 +63,17 @@ def session(plan):
 DOCUMENT = answer(f"{URL}/api/v1/openapi.json")
 
 
+def flats():
+    """Photographs of even light with the noise of 0.5 DN per electron, and dark ones that their frames.json names."""
+    random, side, frames = Random(3), 24, []
+    for number, exposure_s in enumerate((0.01, 0.01, 0.05, 0.05, 0.1, 0.1)):
+        for kind, electrons in (("dark", 0), ("flat", 1e5 * exposure_s)):
+            code = lambda: round(100 + 0.5 * (electrons + random.gauss(0, math.sqrt(electrons + 25))))
+            Path(f"{kind}{number}.png").write_bytes(inputs.png16([[code() for _ in range(side)] for _ in range(side)]))
+        frames.append({"file": f"flat{number}.png", "dark": f"dark{number}.png", "exposure_s": exposure_s})
+    Path("flats.json").write_text(json.dumps({"kind": "exposures", "transfer": "linear", "frames": frames}))
+
+
 def orders():
     """One order for each operation."""
     for name in ("FLASH_SCENE", "BOKEH_SCENE", "FOIL_SCENE", "TILES_SCENE", "RENDER_SCENE"):
@@ -96,6 +109,8 @@ def orders():
     yield "render", {"upload": upload("scene", "RENDER_SCENE.toml"), "options": {"samples": 4}}
     yield "factor", {"upload": upload("table", "table/lut.exr"), "options": {"rank": 2, "kind": "nonnegative"}}
     yield "synthesize", {"upload": upload("table", "found/histogram.exr"), "options": {"size": [32, 24], "pixel_um": 25, "dot": {"disc": 5}}}
+    flats()
+    yield "camera", {"upload": upload("photographs", *Path().glob("flat?.png"), *Path().glob("dark?.png"), frames="flats.json"), "options": {}}
     yield "inspect", {"upload": upload("maps", *Path("drawn").glob("*.exr")), "options": {"reference": "orientation.exr"}}
 
 

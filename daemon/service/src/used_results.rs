@@ -174,7 +174,8 @@ mod tests {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, "x").unwrap();
         };
-        ["sessions/S/session.json", "sessions/S/results/a.exr", "reconstructions/R/limits.toml"].map(write);
+        let files = ["sessions/S/session.json", "sessions/S/results/a.exr", "reconstructions/R/limits.toml"];
+        files.into_iter().for_each(write);
         let used = |id: &str, session: Option<&str>| UsedResult {
             id: id.into(),
             name: "Sheet 1/2?".into(),

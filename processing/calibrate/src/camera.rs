@@ -107,9 +107,10 @@ impl Operation for Options {
         let begun = Instant::now();
         let [lit, dark] = self.series(input)?;
         let channel = self.channel_of(&lit)?;
+        let white = lit.white.unwrap_or_else(|| largest(lit.info.depth));
         progress.stage("measuring noise", (lit.len() + dark.len()) as u64);
         let levels =
-            |series: &Series| series.groups.iter().map(|g| level(g, channel, progress)).collect::<Result<Vec<Level>>>();
+            |series: &Series| series.groups.iter().map(|g| level(g, channel, white, progress)).collect::<Result<Vec<Level>>>();
         let (bright, black) = (levels(&lit)?, levels(&dark)?);
         let Some(found) = transfer(&bright, &black) else {
             let remedy = "add shorter exposures, from 5 to 70 % of white";
@@ -140,7 +141,6 @@ impl Operation for Options {
             prnu: scatter(&signal_local, &bad, of_signal) / signal_dn,
             bad_pixels: bad.iter().filter(|b| **b).count(),
         };
-        let white = largest(lit.info.depth);
         let noise = NoiseModel {
             full_scale_e: (white - found.black_dn) / found.gain.value,
             read_noise_e: found.read_noise_e.value,

@@ -2,7 +2,7 @@
 
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
-use nacre_frames::{FILE_NAME, exposures, load};
+use nacre_frames::{FILE_NAME, LoadedFrames, exposures, load};
 use nacre_image::{Depth, Info, Samples, info, photographs, read};
 use std::path::{Path, PathBuf};
 
@@ -27,6 +27,8 @@ pub struct Series {
     pub groups: Vec<Group>,
     /// Size, channels and depth of all.
     pub info: Info,
+    /// Value of a saturated pixel in DN, if a `frames.json` states it.
+    pub white: Option<f64>,
     /// Groups that were left out.
     pub warnings: Vec<String>,
 }
@@ -37,8 +39,11 @@ impl Series {
     /// # Errors
     /// `Input` if exposures are unknown, gains or sizes differ, or no exposure has two photographs.
     pub fn list(folder: &Path) -> Result<Self> {
-        let all = if folder.join(FILE_NAME).is_file() { described(folder)? } else { tagged(folder)? };
-        Self::grouped(folder, all)
+        if !folder.join(FILE_NAME).is_file() {
+            return Self::grouped(folder, tagged(folder)?, None);
+        }
+        let frames = load(folder)?;
+        Self::grouped(folder, described(&frames)?, frames.set.white)
     }
 
     /// Lists the dark photographs that the frames of a `frames.json` name.
@@ -58,10 +63,10 @@ impl Series {
                 all.push((dark, frame.exposure_s.unwrap_or(1.0)));
             }
         }
-        if all.is_empty() { Err(without()) } else { Self::grouped(folder, all) }
+        if all.is_empty() { Err(without()) } else { Self::grouped(folder, all, frames.set.white) }
     }
 
-    fn grouped(folder: &Path, all: Vec<(PathBuf, f64)>) -> Result<Self> {
+    fn grouped(folder: &Path, all: Vec<(PathBuf, f64)>, white: Option<f64>) -> Result<Self> {
         let mut groups: Vec<Group> = vec![];
         for (file, exposure_s) in all {
             match groups.iter_mut().find(|g| (g.exposure_s - exposure_s).abs() <= 1e-6 * exposure_s) {
@@ -86,7 +91,7 @@ impl Series {
         for file in groups.iter().flat_map(|g| &g.files) {
             same(file, info)?;
         }
-        Ok(Self { folder: folder.to_owned(), groups, info, warnings })
+        Ok(Self { folder: folder.to_owned(), groups, info, white, warnings })
     }
 
     /// Number of photographs.
@@ -116,8 +121,7 @@ fn same(file: &Path, wanted: Info) -> Result<()> {
     Err(Error::file(file, problem, "give photographs of one camera and one setting"))
 }
 
-fn described(folder: &Path) -> Result<Vec<(PathBuf, f64)>> {
-    let frames = load(folder)?;
+fn described(frames: &LoadedFrames) -> Result<Vec<(PathBuf, f64)>> {
     let gain = frames.set.frames[0].gain.unwrap_or(1.0);
     let one = |frame: &nacre_frames::Frame| {
         if (frame.gain.unwrap_or(1.0) - gain).abs() > 1e-6 * gain {

@@ -12,6 +12,9 @@ use serde::Serialize;
 /// Share of the saturation up to which the variance is fitted (EMVA 1288).
 const FITTED: f64 = 0.7;
 
+/// Smallest share of the pixels that must be unsaturated for them to count alone.
+const ENOUGH: f64 = 0.1;
+
 /// Range of the saturation in which the linearity is judged (EMVA 1288).
 const LINEAR: [f64; 2] = [0.05, 0.95];
 
@@ -31,39 +34,74 @@ pub struct Level {
     pub variance_dn2: f64,
     /// Standard deviation of `variance_dn2`.
     pub variance_sigma_dn2: f64,
+    /// Share of the pixels that are far below saturation; mean and variance are theirs if they are a tenth or more.
+    pub unsaturated: f64,
+}
+
+/// Sums over pixels of pairs of photographs.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    pixels: f64,
+    total: f64,
+    difference: f64,
+    square: f64,
+}
+
+impl Sums {
+    fn add(&mut self, a: f64, b: f64) {
+        self.pixels += 1.0;
+        self.total += a + b;
+        self.difference += a - b;
+        self.square += (a - b).powi(2);
+    }
+
+    fn mean(&self) -> f64 {
+        0.5 * self.total / self.pixels.max(1.0)
+    }
+
+    /// Temporal variance, without the difference of the means, which the light changes.
+    fn variance(&self) -> f64 {
+        let n = self.pixels.max(2.0);
+        0.5 * (self.square / n - (self.difference / n).powi(2)) * n / (n - 1.0)
+    }
 }
 
 /// Measures a group by the differences of its photographs in pairs, of which two are in memory.
 ///
+/// Pixels are selected by the sum of a pair, which is independent of their difference. Those above `FITTED` of `white`
+/// are left out, unless nearly all are.
+///
 /// # Errors
 /// `Input` for files that cannot be read; `Cancelled`.
-pub fn level(group: &Group, channel: usize, progress: &dyn Progress) -> Result<Level> {
-    let (mut sum, mut squares, mut pairs) = (0.0, 0.0, 0_usize);
-    let mut pixels = 1;
+pub fn level(group: &Group, channel: usize, white: f64, progress: &dyn Progress) -> Result<Level> {
+    let (mut all, mut low, mut pairs) = (vec![], vec![], 0);
     for pair in group.files.chunks_exact(2) {
         let (a, b) = (values(&pair[0], channel, progress)?, values(&pair[1], channel, progress)?);
-        pixels = a.len().max(1);
-        let (mut total, mut difference, mut square) = (0.0, 0.0, 0.0);
+        let (mut every, mut unsaturated) = (Sums::default(), Sums::default());
         for (a, b) in a.iter().zip(&b) {
             let (a, b) = (f64::from(*a), f64::from(*b));
-            total += a + b;
-            difference += a - b;
-            square += (a - b).powi(2);
+            every.add(a, b);
+            if a + b <= 2.0 * FITTED * white {
+                unsaturated.add(a, b);
+            }
         }
-        let count = pixels as f64;
-        sum += total / count;
-        // Without the difference of the means, which the light changes.
-        squares += (square / count - (difference / count).powi(2)) * count / (count - 1.0).max(1.0);
+        all.push(every);
+        low.push(unsaturated);
         pairs += 1;
         pair.iter().for_each(|_| progress.step());
     }
-    let variance = 0.5 * squares / pairs as f64;
+    let pixels = |sums: &[Sums]| sums.iter().map(|s| s.pixels).sum::<f64>();
+    let unsaturated = pixels(&low) / pixels(&all).max(1.0);
+    let used = if unsaturated >= ENOUGH { low } else { all };
+    let mean = |of: fn(&Sums) -> f64| used.iter().map(of).sum::<f64>() / f64::from(pairs);
+    let variance = mean(Sums::variance);
     Ok(Level {
         exposure_s: group.exposure_s,
-        photographs: 2 * pairs,
-        mean_dn: 0.5 * sum / pairs as f64,
+        photographs: 2 * pairs as usize,
+        mean_dn: mean(Sums::mean),
         variance_dn2: variance,
-        variance_sigma_dn2: variance * (2.0 / (pairs * pixels) as f64).sqrt(),
+        variance_sigma_dn2: variance * (2.0 / pixels(&used).max(1.0)).sqrt(),
+        unsaturated,
     })
 }
 
@@ -106,32 +144,22 @@ pub fn transfer(lit: &[Level], dark: &[Level]) -> Option<Transfer> {
     let saturation_dn = if saturates { top.mean_dn } else { lit.iter().map(|l| l.mean_dn).fold(0.0, f64::max) };
     let (offset, slope, slope_sigma) = dark_line(dark);
     let black = |l: &Level| offset + slope * l.exposure_s;
-    let dark_of = |l: &Level| {
-        let distance = |d: &&Level| (d.exposure_s / l.exposure_s).ln().abs();
-        dark.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
-    };
     let swing = saturation_dn - offset;
-    let used: Vec<[f64; 3]> = lit
-        .iter()
-        .filter(|l| l.mean_dn - black(l) <= FITTED * swing && l.mean_dn > black(l))
-        .filter_map(|l| {
-            let dark = dark_of(l)?;
-            let sigma = l.variance_sigma_dn2.hypot(dark.variance_sigma_dn2);
-            Some([l.mean_dn - black(l), l.variance_dn2 - dark.variance_dn2, sigma.max(1e-12)])
-        })
+    let below = lit.iter().filter(|l| l.mean_dn - offset <= FITTED * swing && l.mean_dn > black(l));
+    // Electrons of darkness scatter as those of light do, so that dark levels lie on the same line.
+    let used: Vec<[f64; 3]> = below
+        .chain(dark)
+        .map(|l| [l.mean_dn - offset, l.variance_dn2, l.variance_sigma_dn2.max(1e-12)])
         .collect();
-    let (top_sum, bottom) =
-        used.iter().fold((0.0, 0.0), |(a, b), [x, y, s]| (a + x * y / (s * s), b + x * x / (s * s)));
-    if bottom <= 0.0 || top_sum <= 0.0 {
+    let fitted = used.len().checked_sub(dark.len()).filter(|n| *n > 0)?;
+    let line = line(&used)?;
+    if line.slope.value <= 0.0 {
         return None;
     }
-    let gain = top_sum / bottom;
-    let freedom = (used.len() - 1).max(1) as f64;
-    let chi_square = used.iter().map(|[x, y, s]| ((y - gain * x) / s).powi(2)).sum::<f64>() / freedom;
-    let gain = Measured { value: gain, sigma: chi_square.max(1.0).sqrt() / bottom.sqrt() };
-    let shortest = dark.first()?;
-    let noise = (shortest.variance_dn2 - QUANTISATION).max(0.0).sqrt() / gain.value;
-    let noise_sigma = 0.5 * shortest.variance_sigma_dn2 / shortest.variance_dn2.max(1e-12).sqrt() / gain.value;
+    let (gain, chi_square) = (line.slope, line.chi_square);
+    let variance = line.start.value - QUANTISATION;
+    let noise = variance.max(0.0).sqrt() / gain.value;
+    let noise_sigma = 0.5 * line.start.sigma / variance.max(line.start.sigma).sqrt() / gain.value;
     let relative = gain.sigma / gain.value;
     Some(Transfer {
         gain,
@@ -145,7 +173,37 @@ pub fn transfer(lit: &[Level], dark: &[Level]) -> Option<Transfer> {
         saturation_dn,
         linearity: linearity(lit, &black, offset, swing),
         chi_square,
-        fitted: used.len(),
+        fitted,
+    })
+}
+
+/// A straight line through points, and chi-square per degree of freedom.
+struct Line {
+    start: Measured,
+    slope: Measured,
+    chi_square: f64,
+}
+
+/// The weighted line through points `[x, y, standard deviation of y]`; scatter beyond the deviations enlarges those of
+/// the result. `None` if all points have one x.
+fn line(points: &[[f64; 3]]) -> Option<Line> {
+    let sums = points.iter().fold([0.0; 5], |s, [x, y, sigma]| {
+        let w = 1.0 / (sigma * sigma);
+        [s[0] + w, s[1] + w * x, s[2] + w * x * x, s[3] + w * y, s[4] + w * x * y]
+    });
+    let determinant = sums[0] * sums[2] - sums[1] * sums[1];
+    if determinant <= 1e-12 * sums[0] * sums[2] {
+        return None;
+    }
+    let slope = (sums[0] * sums[4] - sums[1] * sums[3]) / determinant;
+    let start = (sums[2] * sums[3] - sums[1] * sums[4]) / determinant;
+    let off = |[x, y, sigma]: &[f64; 3]| ((start + slope * x - y) / sigma).powi(2);
+    let chi_square = points.iter().map(off).sum::<f64>() / (points.len() as f64 - 2.0).max(1.0);
+    let sigma = |variance: f64| (variance / determinant * chi_square.max(1.0)).sqrt();
+    Some(Line {
+        start: Measured { value: start, sigma: sigma(sums[2]) },
+        slope: Measured { value: slope, sigma: sigma(sums[0]) },
+        chi_square,
     })
 }
 
@@ -165,22 +223,17 @@ fn dark_line(dark: &[Level]) -> (f64, f64, f64) {
 
 /// Mean relative deviation from the straight line through all exposures within the judged range.
 fn linearity(lit: &[Level], black: &dyn Fn(&Level) -> f64, offset: f64, swing: f64) -> Option<f64> {
-    let inside = |l: &&Level| (LINEAR[0]..=LINEAR[1]).contains(&((l.mean_dn - offset) / swing));
+    // Where some pixels are left out, the mean is not that of the light.
+    let whole = |l: &Level| l.unsaturated >= 1.0 || l.unsaturated < ENOUGH;
+    let inside = |l: &&Level| whole(l) && (LINEAR[0]..=LINEAR[1]).contains(&((l.mean_dn - offset) / swing));
     let used: Vec<[f64; 2]> = lit.iter().filter(inside).map(|l| [l.exposure_s, l.mean_dn - black(l)]).collect();
     if used.len() < 3 {
         return None;
     }
-    // Relative deviations are least: weights are the inverse squares of the values.
-    let sums = used.iter().fold([0.0; 5], |s, [t, y]| {
-        let w = 1.0 / (y * y);
-        [s[0] + w, s[1] + w * t, s[2] + w * t * t, s[3] + w * y, s[4] + w * t * y]
-    });
-    let determinant = sums[0] * sums[2] - sums[1] * sums[1];
-    if determinant.abs() < 1e-12 * sums[0] * sums[2] {
-        return None;
-    }
-    let slope = (sums[0] * sums[4] - sums[1] * sums[3]) / determinant;
-    let start = (sums[2] * sums[3] - sums[1] * sums[4]) / determinant;
+    // Relative deviations are least.
+    let points: Vec<[f64; 3]> = used.iter().map(|[t, y]| [*t, *y, *y]).collect();
+    let Line { start, slope, .. } = line(&points)?;
+    let (start, slope) = (start.value, slope.value);
     let deviation = |[t, y]: &[f64; 2]| ((start + slope * t - y) / y).abs();
     Some(used.iter().map(deviation).sum::<f64>() / used.len() as f64)
 }
