@@ -141,6 +141,9 @@ impl Operation for Options {
             prnu: scatter(&signal_local, &bad, of_signal) / signal_dn,
             bad_pixels: bad.iter().filter(|b| **b).count(),
         };
+        // Without a statement of white, it is where the series saturates.
+        let stated = lit.white.or(found.full_well_e.map(|_| found.saturation_dn));
+        let white = stated.unwrap_or(white);
         let noise = NoiseModel {
             full_scale_e: (white - found.black_dn) / found.gain.value,
             read_noise_e: found.read_noise_e.value,

@@ -37,7 +37,7 @@ pub struct Report {
     pub dark_current_e_s: Option<Measured>,
     /// Electrons at saturation; none if no photograph is saturated.
     pub full_well_e: Option<f64>,
-    /// Mean at saturation, or the highest measured one, in DN.
+    /// Value at saturation, or the highest measured one, in DN.
     pub saturation_dn: f64,
     /// Mean deviation from proportionality to the exposure, as a share.
     pub linearity_error: Option<f64>,
@@ -90,7 +90,7 @@ impl Report {
 
     /// Keys of a `frames.json` for photographs of this camera at this gain.
     pub fn for_frames(&self, white: f64) -> String {
-        let keys = json!({ "noise": self.noise, "black": self.black_dn, "white": self.saturation_dn.min(white) });
+        let keys = json!({ "noise": self.noise, "black": self.black_dn, "white": white });
         format!("{keys:#}\n")
     }
 }

@@ -6,6 +6,7 @@
 use crate::series::{Group, values};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
+use nacre_base::statistics::quantile;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -14,6 +15,9 @@ const FITTED: f64 = 0.7;
 
 /// Smallest share of the pixels that must be unsaturated for them to count alone.
 const ENOUGH: f64 = 0.1;
+
+/// Percentile of the values that stands for saturation, in uneven light too.
+const HIGH: f64 = 0.9;
 
 /// Range of the saturation in which the linearity is judged (EMVA 1288).
 const LINEAR: [f64; 2] = [0.05, 0.95];
@@ -36,6 +40,8 @@ pub struct Level {
     pub variance_sigma_dn2: f64,
     /// Share of the pixels that are far below saturation; mean and variance are theirs if they are a tenth or more.
     pub unsaturated: f64,
+    /// 90th percentile of the values in DN: saturation, where most pixels are saturated.
+    pub high_dn: f64,
 }
 
 /// Sums over pixels of pairs of photographs.
@@ -74,10 +80,11 @@ impl Sums {
 /// # Errors
 /// `Input` for files that cannot be read; `Cancelled`.
 pub fn level(group: &Group, channel: usize, white: f64, progress: &dyn Progress) -> Result<Level> {
-    let (mut all, mut low, mut pairs) = (vec![], vec![], 0);
+    let (mut all, mut low, mut pairs, mut high) = (vec![], vec![], 0, 0.0);
     for pair in group.files.chunks_exact(2) {
         let (a, b) = (values(&pair[0], channel, progress)?, values(&pair[1], channel, progress)?);
         let (mut every, mut unsaturated) = (Sums::default(), Sums::default());
+        high += f64::from(quantile(&mut a.clone(), HIGH).unwrap_or(0.0));
         for (a, b) in a.iter().zip(&b) {
             let (a, b) = (f64::from(*a), f64::from(*b));
             every.add(a, b);
@@ -102,6 +109,7 @@ pub fn level(group: &Group, channel: usize, white: f64, progress: &dyn Progress)
         variance_dn2: variance,
         variance_sigma_dn2: variance * (2.0 / pixels(&used).max(1.0)).sqrt(),
         unsaturated,
+        high_dn: high / f64::from(pairs),
     })
 }
 
@@ -127,7 +135,7 @@ pub struct Transfer {
     pub dark_current_e_s: Option<Measured>,
     /// Electrons at saturation; `None` if the series does not reach it.
     pub full_well_e: Option<f64>,
-    /// Mean at saturation, or the highest of the series, in DN.
+    /// Value at saturation, or the highest of the series, in DN: the 90th percentile of the brightest level.
     pub saturation_dn: f64,
     /// Mean deviation from proportionality to the exposure, as a share; `None` for fewer than three exposures.
     pub linearity: Option<f64>,
@@ -141,7 +149,7 @@ pub struct Transfer {
 pub fn transfer(lit: &[Level], dark: &[Level]) -> Option<Transfer> {
     let top = lit.iter().max_by(|a, b| a.variance_dn2.total_cmp(&b.variance_dn2))?;
     let saturates = lit.iter().any(|l| l.mean_dn > top.mean_dn && l.variance_dn2 < 0.9 * top.variance_dn2);
-    let saturation_dn = if saturates { top.mean_dn } else { lit.iter().map(|l| l.mean_dn).fold(0.0, f64::max) };
+    let saturation_dn = lit.iter().map(|l| l.high_dn).fold(0.0, f64::max);
     let (offset, slope, slope_sigma) = dark_line(dark);
     let black = |l: &Level| offset + slope * l.exposure_s;
     let swing = saturation_dn - offset;
