@@ -111,6 +111,8 @@ impl Browser {
     /// Clicks as a person does: the element must exist and be reachable.
     pub fn click(&self, css: &str) {
         self.until(&format!("document.querySelector('{css}') && !document.querySelector('{css}').disabled"));
+        // Not under the head of the page, which stays where it is.
+        self.run(&format!("document.querySelector('{css}').scrollIntoView({{ block: 'center' }})"));
         self.call("POST", &format!("/element/{}/click", self.element(css)), &json!({}));
     }
 

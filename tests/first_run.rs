@@ -70,7 +70,7 @@ fn a_new_user_tries_a_sample() {
     browser.until("/^(\\d+ s|soon)$/.test(document.querySelector('#session-eta').textContent)");
     browser.until("/^\\d+ % · Sample: polygons/.test(document.title)");
     browser.until("document.querySelector('.phases [aria-current]')?.textContent === 'Results'");
-    browser.until("!document.querySelector('#open-result').hidden && document.title.startsWith('Done')");
+    browser.until("!document.querySelector('#open-result').hidden && document.title.startsWith('Sample: polygons')");
     browser.until("document.querySelectorAll('.phases [data-is=done]').length === 3");
     browser.both("first-run-session");
     browser.until("window.told === 'Sample: polygons: finished'");

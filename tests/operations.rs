@@ -36,7 +36,7 @@ const UPLOADED: [(&str, &[&str]); 12] = [
     ("polarization", &[]),
     ("hdr", &[]),
     ("stack", &[]),
-    ("lut", &["light"]),
+    ("lut", &["light", "center"]),
     ("bokeh", &[]),
     ("flash", &["corners_px", "reference_px"]),
     ("foil", &[]),

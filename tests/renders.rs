@@ -173,9 +173,9 @@ fn scenes_that_reach_out_or_make_no_sense_are_refused() {
             "material.foil.normals",
             "outside",
         ),
-        (plain.replace("fov_deg", "fov"), "scene.toml", "fov"),
+        (plain.replace("fov_deg", "fov"), "camera.fov", "line"),
         (plain.replace("width = 48", "width = 60000").replace("height = 40", "height = 60000"), "camera", "60000"),
-        (plain.replace("\"plane\"", "\"plane"), "scene.toml", "line"),
+        (plain.replace("\"plane\"", "\"plane"), "scene", "line"),
     ] {
         let answer = upload(&service, &[("scene.toml", scene.as_bytes())]);
         let told = answer.expect(400).json();

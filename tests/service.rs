@@ -186,7 +186,8 @@ fn stop_reaches_what_waits() {
     let back = json!({ "analyser_deg": -300.0 });
     std::thread::scope(|scope| {
         let first = scope.spawn(|| service.post("/api/v1/devices/stage/move", &away));
-        std::thread::sleep(Duration::from_millis(300));
+        // The first movement takes four seconds.
+        std::thread::sleep(Duration::from_secs(1));
         let second = scope.spawn(|| service.post("/api/v1/devices/stage/move", &back));
         std::thread::sleep(Duration::from_millis(300));
         service.post("/api/v1/stop", &json!({})).expect(200);

@@ -77,7 +77,6 @@ export function course(plan) {
     title() {
       if (!session) return "";
       const phase = phaseOf(session.stage);
-      if (session.stage === null) return { finished: "Done", failed: "Failed" }[session.state] ?? words(session.state);
       if (session.state === "paused") return "Paused";
       return phase === "frames" ? percent(session.frames_committed / Math.max(1, session.frames_planned), 0) : phase === "metering" ? "Metering" : phase ? "Results" : "Waiting";
     },

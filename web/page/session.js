@@ -156,7 +156,8 @@ export async function sessionPage(main, { id, signal }) {
     lamp.dataset.tone = tone;
     const going = session.stage !== null;
     say(means, session.state === "finished" && going ? "all frames are there; the results follow" : meaning);
-    document.title = `${phases.title()} · ${session.name} · Nacre`;
+    const title = `${session.name} · Nacre`;
+    document.title = going ? `${phases.title()} · ${title}` : title;
     notify.hidden ||= !going;
     for (const [verb, button] of Object.entries(buttons)) button.disabled = !can.includes(verb);
     remedy.update(session);

@@ -189,7 +189,7 @@ impl App {
         let bench = Bench::open(place).await?;
         let found = bench
             .work(|owner| {
-                Ok((owner.rig.devices.limits(), owner.rig.setup.clone(), owner.runtime.block_on(owner.rig.watch.ids())))
+                Ok((owner.rig.devices.limits(), owner.rig.setup, owner.runtime.block_on(owner.rig.watch.ids())))
             })
             .await;
         let (limits, setup, interlocks) =

@@ -90,7 +90,7 @@ impl Operation for Options {
     fn check(&self, input: &Path) -> Result<Work> {
         let [lit, dark] = self.series(input)?;
         self.channel_of(&lit)?;
-        let (info, count) = (lit.info, (lit.len() + dark.len()) as u64);
+        let (info, count) = (lit.info, (lit.count() + dark.count()) as u64);
         let pixels = (info.width * info.height) as u64;
         let work = Work {
             operation: Self::NAME.into(),
@@ -108,9 +108,10 @@ impl Operation for Options {
         let [lit, dark] = self.series(input)?;
         let channel = self.channel_of(&lit)?;
         let white = lit.white.unwrap_or_else(|| largest(lit.info.depth));
-        progress.stage("measuring noise", (lit.len() + dark.len()) as u64);
-        let levels =
-            |series: &Series| series.groups.iter().map(|g| level(g, channel, white, progress)).collect::<Result<Vec<Level>>>();
+        progress.stage("measuring noise", (lit.count() + dark.count()) as u64);
+        let levels = |series: &Series| {
+            series.groups.iter().map(|g| level(g, channel, white, progress)).collect::<Result<Vec<Level>>>()
+        };
         let (bright, black) = (levels(&lit)?, levels(&dark)?);
         let Some(found) = transfer(&bright, &black) else {
             let remedy = "add shorter exposures, from 5 to 70 % of white";

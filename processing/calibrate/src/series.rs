@@ -95,7 +95,7 @@ impl Series {
     }
 
     /// Number of photographs.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.groups.iter().map(|g| g.files.len()).sum()
     }
 

@@ -155,10 +155,8 @@ pub fn transfer(lit: &[Level], dark: &[Level]) -> Option<Transfer> {
     let swing = saturation_dn - offset;
     let below = lit.iter().filter(|l| l.mean_dn - offset <= FITTED * swing && l.mean_dn > black(l));
     // Electrons of darkness scatter as those of light do, so that dark levels lie on the same line.
-    let used: Vec<[f64; 3]> = below
-        .chain(dark)
-        .map(|l| [l.mean_dn - offset, l.variance_dn2, l.variance_sigma_dn2.max(1e-12)])
-        .collect();
+    let used: Vec<[f64; 3]> =
+        below.chain(dark).map(|l| [l.mean_dn - offset, l.variance_dn2, l.variance_sigma_dn2.max(1e-12)]).collect();
     let fitted = used.len().checked_sub(dark.len()).filter(|n| *n > 0)?;
     let line = line(&used)?;
     if line.slope.value <= 0.0 {
