@@ -38,6 +38,10 @@ const ROUTES = {
   // The viewer with its shaders is as much as all else, and is fetched when it is wanted.
   view: ["View", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./view.js")).viewPage(...visit)],
 };
+/** Links of pages that have none of their own. */
+const PARENTS = {
+  session: "#/sessions", trash: "#/sessions", result: "#/results", view: "#/results", maps: "#/results", inspect: "#/results", calibrate: "#/bench",
+};
 /** Pages with forms of operations. */
 const FORMS = ["new", "result", "upload", "render", "session", "inspect"];
 const byId = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -57,7 +61,7 @@ async function route() {
   document.title = `${title} · Nacre`;
   const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll(".nav a"));
   for (const link of links) {
-    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && ["session", "result", "view", "maps", "inspect", "trash"].includes(name)) || (link.hash === "#/bench" && name === "calibrate");
+    const here = link.hash === `#/${name}` || PARENTS[name] === link.hash;
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }

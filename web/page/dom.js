@@ -13,6 +13,8 @@ function fill(element, attributes, children) {
     if (value === null || value === undefined || value === false) continue;
     if (typeof value === "function") element.addEventListener(name.slice(2), value);
     else if (name === "value" || name === "checked" || name === "disabled") element[name] = value;
+    // The content security policy forbids attributes of style.
+    else if (name === "style") /** @type {any} */ (element).style.cssText = value;
     else element.setAttribute(name, value === true ? "" : String(value));
   }
   const shown = /** @type {(Node | string)[]} */ (/** @type {unknown[]} */ (children).flat(Infinity));

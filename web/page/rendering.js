@@ -26,7 +26,9 @@ function noiseChart(points, wanted, of) {
   const x = (passes) => left + ((width - left - right) * Math.log(Math.max(1, passes))) / end;
   const y = (noise) => top + ((height - top - bottom) * (high - Math.log(noise))) / (high - low);
   const path = points.map(({ passes, noise }, k) => `${k ? "L" : "M"}${x(passes).toFixed(1)} ${y(noise).toFixed(1)}`).join("");
-  const rows = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001].filter((noise) => noise > wanted * 1.25 && noise < most);
+  const rows = [1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001].filter((noise) => noise > wanted * 1.25 && noise < most)
+    // As many as have room for their labels.
+    .filter((_, k, all) => k % Math.ceil(all.length / 4) === 0);
   return svg("svg", { class: "noise", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Noise after ${points.length} measurements; target ${plain(100 * wanted)} %` },
     rows.map((noise) => [svg("line", { class: "grid", x1: left, x2: width - right, y1: y(noise), y2: y(noise) }), svg("text", { x: left - 6, y: y(noise) + 4, "text-anchor": "end" }, `${plain(100 * noise)} %`)]),
     svg("line", { class: "target", x1: left, x2: width - right, y1: y(wanted), y2: y(wanted) }), svg("text", { x: width - right, y: y(wanted) - 4, "text-anchor": "end" }, `target ${plain(100 * wanted)} %`),
