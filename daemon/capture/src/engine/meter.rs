@@ -46,7 +46,7 @@ pub struct Metered {
 /// Meters everything that the plan leaves open.
 ///
 /// # Errors
-/// As [`meter`].
+/// Device errors; no light; a sample too bright for the shortest exposure.
 pub async fn metered(
     controller: &mut BenchController<'_>,
     plan: &Plan,
@@ -142,7 +142,7 @@ async fn meter(
 /// Exposure time of a live picture under this pattern, with the analyser where it stands.
 ///
 /// # Errors
-/// As [`meter`].
+/// Device errors; no light; a sample too bright for the shortest exposure.
 pub async fn meter_preview(
     controller: &mut BenchController<'_>,
     gain: f64,

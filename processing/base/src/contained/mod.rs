@@ -3,7 +3,7 @@
 //!
 //! A program registers itself at its start ([`register`]) and serves tasks in its hidden command ([`serve`]). [`run`]
 //! starts that command and writes the limits and the task to its standard input. It reads `Message`s from its standard
-//! output: JSON lines, optionally followed by bytes. Standard input stays open. The line [`ENOUGH`] asks
+//! output: JSON lines, optionally followed by bytes. Standard input stays open. The line `ENOUGH` asks
 //! for the result so far ([`Progress::is_enough`](crate::progress::Progress::is_enough)); closing it is the request to
 //! stop.
 //!
