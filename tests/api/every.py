@@ -69,7 +69,7 @@ def flats():
     for number, exposure_s in enumerate((0.01, 0.01, 0.05, 0.05, 0.1, 0.1)):
         for kind, electrons in (("dark", 0), ("flat", 1e5 * exposure_s)):
             code = lambda: round(100 + 0.5 * (electrons + random.gauss(0, math.sqrt(electrons + 25))))
-            Path(f"{kind}{number}.png").write_bytes(inputs.png16([[code() for _ in range(side)] for _ in range(side)]))
+            Path(f"{kind}{number}.png").write_bytes(inputs.png(side, side, [[code() for _ in range(side)] for _ in range(side)], 16))
         frames.append({"file": f"flat{number}.png", "dark": f"dark{number}.png", "exposure_s": exposure_s})
     Path("flats.json").write_text(json.dumps({"kind": "exposures", "transfer": "linear", "frames": frames}))
 
