@@ -7,7 +7,7 @@ const where = (e) => `${e.tagName.toLowerCase()}${e.id ? `#${e.id}` : ""} "${(e.
 const nameOf = (e) => {
   const by = (e.getAttribute("aria-labelledby") ?? "").split(" ").filter(Boolean).map((id) => document.getElementById(id)?.textContent ?? "").join(" ");
   const labels = [...(e.labels ?? [])].map((l) => l.textContent).join(" ");
-  // Text that is not displayed names nothing; SVG has no innerText.
+  // Hidden text is no part of a name. SVG elements have no innerText, so all of their text counts.
   const within = /^(INPUT|SELECT|TEXTAREA|CANVAS)$/.test(e.tagName) ? "" : [e.innerText ?? e.textContent, ...[...e.querySelectorAll("img")].map((i) => i.alt)].join("");
   return [by, e.getAttribute("aria-label"), labels, within, e.title].find((t) => t && t.trim()) ?? "";
 };

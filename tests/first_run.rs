@@ -65,7 +65,7 @@ fn a_new_user_tries_a_sample() {
     browser.click("#notify");
     browser.until("document.querySelector('#notify').getAttribute('aria-pressed') === 'true'");
     let id = browser.run("return location.hash.split('/')[2]").as_str().unwrap().to_owned();
-    // Activities are told as they happen, the remaining time with them.
+    // The page shows each activity and the remaining time during the session.
     browser.until("/turning the analyser to \\d+\\.\\d°/.test(document.querySelector('#session-now').textContent)");
     browser.until("/^(\\d+ s|soon)$/.test(document.querySelector('#session-eta').textContent)");
     browser.until("/^\\d+ % · Sample: polygons/.test(document.title)");

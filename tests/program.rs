@@ -40,6 +40,7 @@ mod page;
 mod panel;
 mod periods;
 mod render;
+mod render_page;
 mod renders;
 mod reported_errors;
 mod resume;

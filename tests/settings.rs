@@ -33,7 +33,7 @@ fn the_configuration_is_changed_on_the_page() {
     assert_eq!(browser.run("return document.getElementById('service-hosts').value"), "bench.lab");
     assert_eq!(browser.run("return document.getElementById('settings-save').disabled"), true);
 
-    // A value that is not allowed is named, and cannot be saved.
+    // A wrong value is reported with its key and its range, and *Save* is disabled.
     set(&browser, "limits-limits-trash-days", "40000");
     says(&browser, "#settings-outcome", "limits.trash_days is 40000; give 0 to 36500");
     assert_eq!(browser.run("return document.getElementById('settings-save').disabled"), true);

@@ -5,7 +5,6 @@ Usage: every.py URL PROGRAM.ts: inputs are simulated by the program NACRE_BIN in
 
 import importlib
 import json
-import math
 import os
 import subprocess
 import sys
@@ -13,7 +12,6 @@ import time
 import urllib.request
 import uuid
 from pathlib import Path
-from random import Random
 
 from jsonschema import Draft202012Validator
 from nacre_client import Client, models
@@ -64,12 +62,11 @@ DOCUMENT = answer(f"{URL}/api/v1/openapi.json")
 
 
 def flats():
-    """Photographs of even light with the noise of 0.5 DN per electron, and dark ones that their frames.json names."""
-    random, side, frames = Random(3), 24, []
+    """Photographs of even light and dark ones, which their frames.json names."""
+    frames = []
     for number, exposure_s in enumerate((0.01, 0.01, 0.05, 0.05, 0.1, 0.1)):
-        for kind, electrons in (("dark", 0), ("flat", 1e5 * exposure_s)):
-            code = lambda: round(100 + 0.5 * (electrons + random.gauss(0, math.sqrt(electrons + 25))))
-            Path(f"{kind}{number}.png").write_bytes(inputs.png(side, side, [[code() for _ in range(side)] for _ in range(side)], 16))
+        for kind, electrons in (("dark", 0), ("flat", round(1e5 * exposure_s))):
+            Path(f"{kind}{number}.png").write_bytes(inputs.noisy(electrons, f"{kind}{number}"))
         frames.append({"file": f"flat{number}.png", "dark": f"dark{number}.png", "exposure_s": exposure_s})
     Path("flats.json").write_text(json.dumps({"kind": "exposures", "transfer": "linear", "frames": frames}))
 

@@ -72,6 +72,13 @@ CASES = [
         "reconstruct stack photos --out all --clip-sigma off",
         "reconstruct hdr photos --out again --response recovered/response.json --align off",
     ]),
+    # Exposures from Exif tags: 1/100 s to 1/10 s.
+    Case("camera", {
+        f"{kind}/{k}.png": i.lazy(i.noisy, light // time, f"{kind} {k}", i.exif(1, time, 400))
+        for kind, light in (("flats", 100_000), ("darks", 0)) for k, time in enumerate((100, 100, 20, 20, 10, 10))
+    }, [
+        "--json calibrate camera flats --darks darks --out camera",
+    ]),
     Case("lut", {"scene.toml": i.FLASH_SCENE, "near.toml": i.NEAR, "lamp.csv": i.LAMP, "scene-table.toml": i.TABLE_SCENE,
                  "colour.png": i.lazy(i.orders), "sky.hdr": i.lazy(i.environment)}, [
         "sim photograph flash --scene scene.toml --out photo",

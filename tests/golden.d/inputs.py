@@ -2,6 +2,8 @@
 
 import struct
 import zlib
+from math import isqrt
+from random import Random
 
 # --- Capture plans and benches -------------------------------------------------------------------------------------------------
 
@@ -217,6 +219,15 @@ def png(width, height, rows, bits=8, color=False, exif=None):
     header = chunk(b"IHDR", struct.pack(">2I5B", width, height, bits, 2 if color else 0, 0, 0, 0))
     tags = chunk(b"eXIf", exif) if exif else b""
     return b"\x89PNG\r\n\x1a\n" + header + tags + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
+
+
+def noisy(electrons, seed, exif=None, side=24):
+    """A photograph of even light with 0.5 DN per electron, 5 electrons of read noise and a black of 100 DN."""
+    random, deviation = Random(seed), isqrt(10_000 * (electrons + 25))
+    # Twelve uniform numbers have nearly a normal sum, here of the standard deviation 1000; electrons are in 1/100,000.
+    normal = lambda: sum(random.randrange(1001) for _ in range(12)) - 6000
+    code = lambda: 100 + (100_000 * electrons + deviation * normal() + 100_000) // 200_000
+    return png(side, side, [[code() for _ in range(side)] for _ in range(side)], 16, exif=exif)
 
 
 def environment(width=32, height=16):

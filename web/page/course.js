@@ -19,7 +19,7 @@ function phasesOf(plan) {
   return PHASES.filter(([key]) => key === "frames" || (key === "metering" ? metered : Boolean(plan?.reconstruct)));
 }
 
-/** What the devices do, in words. */
+/** The present activity of the devices, in words. */
 function doing(/** @type {Activity | null} */ now) {
   switch (now?.activity) {
     case "homing": return "finding the zero of the analyser";

@@ -4,14 +4,14 @@
 const OPERATIONS = { polarization: "polarization", division_of_focal_plane: "polarization", exposures: "hdr", flash: "flash", spots: "spots" };
 
 /**
- * What the descriptions among the files say; files without them are `photographs`.
+ * Reads the descriptions among the files; all other files are `photographs`.
  * @param {File[]} files
  */
 export async function describedBy(files) {
   const found = { photographs: /** @type {File[]} */ ([]), frames: /** @type {any} */ (null), geometry: /** @type {any} */ (null), problems: /** @type {string[]} */ ([]) };
   for (const file of files) {
     const name = /** @type {"frames" | "geometry" | null} */ ({ "frames.json": "frames", "geometry.json": "geometry" }[file.name] ?? null);
-    // What lies in folders within the chosen one describes something else.
+    // A description in a subfolder belongs to the photographs there.
     if (!name || (file.webkitRelativePath ?? "").split("/").length > 2) {
       found.photographs.push(file);
       continue;

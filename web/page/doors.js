@@ -11,7 +11,7 @@ const PHOTOGRAPHED = "kinematic";
 /** Names of samples that are no plain words. */
 const NAMES = { cd: "CD", stochastic: "random foil" };
 
-/** What photographs can become, as the upload page offers it. */
+/** Results that photographs can give, as on the upload page. */
 const PHOTOGRAPHS = [
   "Through a polarizer at three or more angles: a map of grating orientations",
   "At several exposures: one photograph of high dynamic range",

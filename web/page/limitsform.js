@@ -11,7 +11,7 @@ const OF_CLASS = [["max_count", "Largest number"], ["max_area_mm2", "Largest are
 const OF_SHEET = [["max_orientation_deg", "Orientation, RMS (°)"], ["max_presence", "Presence, RMS"], ["max_brightness", "Brightness, RMS of the logarithm"], ["min_overlap", "Least share of the reference"]];
 
 /**
- * The form. `option(signal)` uploads what there is to upload: the value of the option, and the id of the upload.
+ * The form. `option(signal)` uploads the chosen file or the numbers, if any, and gives the value of the option and the id of the upload.
  * @param {Job[]} trained Inspections that trained limits.
  * @param {string} chosen Value of the option of an earlier inspection.
  */

@@ -33,7 +33,7 @@ function pathOf(/** @type {string} */ d) {
   }).join("\n");
 }
 
-/** Operators that fill and stroke what the operators before describe. */
+/** Operators that fill and stroke the path before them. */
 function painted(/** @type {Element} */ element, /** @type {string} */ shape) {
   const [fill, stroke] = ["fill", "stroke"].map((name) => element.getAttribute(name) ?? "none");
   const lines = stroke === "none" ? "" : `${colorOf(stroke)} RG ${attribute(element, "stroke-width", 1)} w`;

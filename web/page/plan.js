@@ -48,7 +48,7 @@ export function ofKind(form, kind) {
 /** How the form's exposures are found. */
 export const exposingOf = ({ kind, exposing }) => (EXPOSING[kind].includes(exposing) ? exposing : EXPOSING[kind][0]);
 
-/** What can be made of one view. */
+/** Results that photographs of one view can give. */
 const METHODS = {
   hdr: "One photograph of high dynamic range", lut: "A lookup table of its diffraction", bokeh: "A grating in an out-of-focus highlight",
   flash: "Orientations and periods of a sheet of equal tiles", spots: "Orientations and absolute periods",

@@ -1,4 +1,4 @@
-// #/queue: what runs, what waits and what has ended, with the order of what waits.
+// #/queue: running, waiting and ended jobs; waiting ones can be moved to the front.
 
 import { get, post, query } from "./api.js";
 import { h, panel, say } from "./dom.js";

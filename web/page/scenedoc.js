@@ -1,4 +1,4 @@
-// A scene that is edited: its present state as TOML and JSON, the states before and after it, and what the service says of it.
+// A scene under edit, as TOML and JSON, with the states for undo and redo. The service checks each state.
 
 import { get, post } from "./api.js";
 import { settle } from "./dom.js";
@@ -113,7 +113,7 @@ export function sceneDocument(upload, on) {
   /** Goes on with another upload, which has the same files and more. */
   function rebase(next, files) {
     Object.assign(self, { upload: next, files });
-    // What was missing may be there now.
+    // A file that was missing may be among the new ones, so scenes with problems are checked again.
     for (const state of [now, ...past, ...future]) state.toml = state.problem ? null : state.toml;
   }
   return self;

@@ -1,4 +1,4 @@
-// What can be made of a session's photographs, with the form of each operation, on the session's page.
+// Operations that fit the photographs of a session, each with its form, on the page of the session.
 
 import { picture, post } from "./api.js";
 import { field, h, panel, select } from "./dom.js";
@@ -49,7 +49,7 @@ export function sessionForms(session, frames, signal) {
 
   /** Fetches a photograph to pick in, once that is wanted. */
   async function pickable() {
-    // Frames that measure are numbered; the others are named for what they are.
+    // Names of the plan's frames begin with a number; dark frames and others have words.
     const first = frames().filter((frame) => /^\d/.test(fileName(frame.file))).at(-1);
     if (shown || !details.open || !first || !forms[operation.value].show) return;
     shown = true;

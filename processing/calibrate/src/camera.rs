@@ -60,14 +60,10 @@ impl Options {
     fn series(&self, input: &Path) -> Result<[Series; 2]> {
         let lit = Series::list(input)?;
         let dark = self.darks.as_deref().map_or_else(|| Series::darks_of(input), Series::list)?;
-        let alike = |s: &Series| (s.info.width, s.info.height, s.info.channels, s.info.depth);
+        let alike = |s: &Series| (s.info.width, s.info.height, s.info.channels, s.info.depth, s.gain.to_bits());
         if alike(&lit) != alike(&dark) {
-            let remedy = "take both with the same camera and settings";
-            return Err(Error::file(
-                &dark.folder,
-                "has dark photographs of another size or depth than the flats",
-                remedy,
-            ));
+            let problem = "has dark photographs of another size, depth or gain than the flats";
+            return Err(Error::file(&dark.folder, problem, "take both with the same camera and settings"));
         }
         Ok([lit, dark])
     }
@@ -138,7 +134,7 @@ impl Operation for Options {
         let of_darkness = temporal(&black[black.len() - 1], longest.files.len());
         let of_signal = temporal(half, flat.files.len()) + of_darkness;
         let spatial = Spatial {
-            dsnu_e: scatter(&dark_local, &bad, of_darkness) / found.gain.value,
+            dsnu_e: scatter(&dark_local, &bad, of_darkness) / found.gain_dn_e.value,
             prnu: scatter(&signal_local, &bad, of_signal) / signal_dn,
             bad_pixels: bad.iter().filter(|b| **b).count(),
         };
@@ -146,12 +142,22 @@ impl Operation for Options {
         let stated = lit.white.or(found.full_well_e.map(|_| found.saturation_dn));
         let white = stated.unwrap_or(white);
         let noise = NoiseModel {
-            full_scale_e: (white - found.black_dn) / found.gain.value,
+            // A frames.json states the electrons at gain 1.
+            full_scale_e: (white - found.black_dn) / found.gain_dn_e.value * lit.gain,
             read_noise_e: found.read_noise_e.value,
         };
         let mut warnings: Vec<String> = lit.warnings.iter().chain(&dark.warnings).cloned().collect();
         warnings.extend(doubts(&found, &black));
-        let report = Report::new(found, spatial, noise, bright, black, warnings, begun);
+        let report = Report {
+            method: "camera",
+            warnings,
+            transfer: found,
+            spatial,
+            noise,
+            lit: bright,
+            dark: black,
+            seconds: begun.elapsed().as_secs_f64(),
+        };
         let size = [width, lit.info.height];
         let row = |_: usize, y: usize, row: &mut [f32]| row.copy_from_slice(&dark_mean[y * width..][..width]);
         let units = [("units", Attribute::Text("DN".into()))];
@@ -169,7 +175,7 @@ fn doubts(found: &crate::transfer::Transfer, dark: &[Level]) -> Vec<String> {
     if found.full_well_e.is_none() {
         doubts.push("no photograph is saturated: the full well is not measured; add longer exposures".into());
     }
-    if let Some(share) = found.linearity.filter(|share| *share > LINEAR) {
+    if let Some(share) = found.linearity_error.filter(|share| *share > LINEAR) {
         let percent = 100.0 * share;
         doubts.push(format!(
             "the response deviates from proportionality by {percent:.1} % on average: give linear files (RAW, or no gamma)"

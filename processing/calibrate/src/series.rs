@@ -2,7 +2,7 @@
 
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
-use nacre_frames::{FILE_NAME, LoadedFrames, exposures, load};
+use nacre_frames::{FILE_NAME, Frame, Tagged, exposures, load};
 use nacre_image::{Depth, Info, Samples, info, photographs, read};
 use std::path::{Path, PathBuf};
 
@@ -27,6 +27,8 @@ pub struct Series {
     pub groups: Vec<Group>,
     /// Size, channels and depth of all.
     pub info: Info,
+    /// Gain of all photographs relative to the camera's base, as in a `frames.json`.
+    pub gain: f64,
     /// Value of a saturated pixel in DN, if a `frames.json` states it.
     pub white: Option<f64>,
     /// Groups that were left out.
@@ -43,7 +45,8 @@ impl Series {
             return Self::grouped(folder, tagged(folder)?, None);
         }
         let frames = load(folder)?;
-        Self::grouped(folder, described(&frames)?, frames.set.white)
+        let file = |frame: &Frame| frames.file(&frame.file);
+        Self::grouped(folder, described(&frames.set.frames, &file)?, frames.set.white)
     }
 
     /// Lists the dark photographs that the frames of a `frames.json` name.
@@ -56,19 +59,23 @@ impl Series {
             return Err(without());
         }
         let frames = load(folder)?;
-        let mut all: Vec<(PathBuf, f64)> = vec![];
+        let mut named: Vec<Frame> = vec![];
         for frame in &frames.set.frames {
-            let Some(dark) = frame.dark.as_ref().map(|dark| frames.file(dark)) else { continue };
-            if !all.iter().any(|(file, _)| *file == dark) {
-                all.push((dark, frame.exposure_s.unwrap_or(1.0)));
+            if frame.dark.is_some() && !named.iter().any(|other| other.dark == frame.dark) {
+                named.push(frame.clone());
             }
         }
-        if all.is_empty() { Err(without()) } else { Self::grouped(folder, all, frames.set.white) }
+        if named.is_empty() {
+            return Err(without());
+        }
+        let file = |frame: &Frame| frames.file(frame.dark.as_deref().unwrap_or(&frame.file));
+        Self::grouped(folder, described(&named, &file)?, frames.set.white)
     }
 
-    fn grouped(folder: &Path, all: Vec<(PathBuf, f64)>, white: Option<f64>) -> Result<Self> {
+    fn grouped(folder: &Path, all: Described, white: Option<f64>) -> Result<Self> {
+        let Described { gain, photographs } = all;
         let mut groups: Vec<Group> = vec![];
-        for (file, exposure_s) in all {
+        for (file, exposure_s) in photographs {
             match groups.iter_mut().find(|g| (g.exposure_s - exposure_s).abs() <= 1e-6 * exposure_s) {
                 Some(group) => group.files.push(file),
                 None => groups.push(Group { exposure_s, files: vec![file] }),
@@ -91,7 +98,7 @@ impl Series {
         for file in groups.iter().flat_map(|g| &g.files) {
             same(file, info)?;
         }
-        Ok(Self { folder: folder.to_owned(), groups, info, white, warnings })
+        Ok(Self { folder: folder.to_owned(), groups, info, gain, white, warnings })
     }
 
     /// Number of photographs.
@@ -121,22 +128,29 @@ fn same(file: &Path, wanted: Info) -> Result<()> {
     Err(Error::file(file, problem, "give photographs of one camera and one setting"))
 }
 
-fn described(frames: &LoadedFrames) -> Result<Vec<(PathBuf, f64)>> {
-    let gain = frames.set.frames[0].gain.unwrap_or(1.0);
-    let one = |frame: &nacre_frames::Frame| {
-        if (frame.gain.unwrap_or(1.0) - gain).abs() > 1e-6 * gain {
-            let remedy = "calibrate each gain with a folder of its own";
-            return Err(Error::file(&frames.file(&frame.file), "has another gain than the first one", remedy));
-        }
-        Ok((frames.file(&frame.file), frame.exposure_s.unwrap_or(1.0)))
-    };
-    frames.set.frames.iter().map(one).collect()
+/// Photographs of one gain with their exposure times in s.
+struct Described {
+    gain: f64,
+    photographs: Vec<(PathBuf, f64)>,
 }
 
-fn tagged(folder: &Path) -> Result<Vec<(PathBuf, f64)>> {
+fn described(frames: &[Frame], file: &dyn Fn(&Frame) -> PathBuf) -> Result<Described> {
+    let gain_of = |frame: &Frame| frame.gain.unwrap_or(1.0);
+    let gain = frames.first().map_or(1.0, gain_of);
+    let one = |frame: &Frame| {
+        if (gain_of(frame) - gain).abs() > 1e-6 * gain {
+            let remedy = "calibrate each gain with a folder of its own";
+            return Err(Error::file(&file(frame), "has another gain than the first one", remedy));
+        }
+        Ok((file(frame), frame.exposure_s.unwrap_or(1.0)))
+    };
+    Ok(Described { gain, photographs: frames.iter().map(one).collect::<Result<_>>()? })
+}
+
+fn tagged(folder: &Path) -> Result<Described> {
     let files = photographs(folder)?;
     let (tags, _) = exposures(folder, &files)?;
-    let one = |(file, tag): (&PathBuf, &nacre_frames::Tagged)| {
+    let one = |(file, tag): (&PathBuf, &Tagged)| {
         let path = folder.join(file);
         if tag.gain != tags[0].gain {
             let problem = "has another sensitivity or aperture than the first one (Exif)";
@@ -148,7 +162,8 @@ fn tagged(folder: &Path) -> Result<Vec<(PathBuf, f64)>> {
         };
         Ok((path.clone(), tag.seconds.filter(|s| *s > 0.0).ok_or_else(unknown)?))
     };
-    files.iter().zip(&tags).map(one).collect()
+    let gain = tags.first().and_then(|tag| tag.gain).unwrap_or(1.0);
+    Ok(Described { gain, photographs: files.iter().zip(&tags).map(one).collect::<Result<_>>()? })
 }
 
 /// Values of one channel of a photograph in file units (DN).

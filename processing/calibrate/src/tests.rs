@@ -4,6 +4,7 @@ use super::camera::Options;
 use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_base::random::Stream;
+use nacre_frames::NoiseModel;
 use nacre_image::write_png16_gray;
 use std::path::Path;
 
@@ -78,21 +79,52 @@ fn a_sensor_is_measured_within_its_standard_deviations() {
     let options = Options { darks: Some(darks), channel: None };
     let report = perform(&options, &flats, &place.path().join("out"), false, &Silent).unwrap();
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
-    let gain = report.gain_dn_e;
+    let found = &report.transfer;
+    let gain = found.gain_dn_e;
     assert!((gain.value / SENSOR.gain - 1.0).abs() < 0.01, "{gain:?}");
     assert!((gain.value - SENSOR.gain).abs() < 3.0 * gain.sigma, "{gain:?}");
-    let noise = report.read_noise_e;
+    let noise = found.read_noise_e;
     assert!((noise.value / SENSOR.read_noise_e - 1.0).abs() < 0.03, "{noise:?}");
-    assert!((report.full_well_e.unwrap() / SENSOR.full_well_e - 1.0).abs() < 0.15, "{:?}", report.full_well_e);
-    let current = report.dark_current_e_s.unwrap();
-    assert!((current.value - SENSOR.dark_e_s).abs() < 4.0 * current.sigma.max(0.5), "{current:?}");
-    assert!((report.black_dn - SENSOR.black_dn).abs() < 0.5, "{}", report.black_dn);
-    assert!(report.linearity_error.unwrap() < 0.003, "{:?}", report.linearity_error);
-    assert!((report.spatial.dsnu_e / SENSOR.dsnu_e - 1.0).abs() < 0.1, "{:?}", report.spatial);
-    assert!((report.spatial.prnu / SENSOR.prnu - 1.0).abs() < 0.05, "{:?}", report.spatial);
+    // The gain is off by up to 1 %, and the 90th percentile is above the mean by the noise of 7 electrons.
+    assert!((found.full_well_e.unwrap() / SENSOR.full_well_e - 1.0).abs() < 0.011, "{:?}", found.full_well_e);
+    // A mean over 25,600 pixels has 0.1 electrons of noise; the longest exposure is 0.4 s.
+    let current = found.dark_current_e_s.unwrap();
+    assert!((current.value - SENSOR.dark_e_s).abs() < 1.0, "{current:?}");
+    assert!((found.black_dn - SENSOR.black_dn).abs() < 0.1, "{}", found.black_dn);
+    assert!(found.linearity_error.unwrap() < 0.001, "{:?}", found.linearity_error);
+    // Three standard deviations of the variance between 25,600 pixels, of which most is temporal noise.
+    assert!((report.spatial.dsnu_e / SENSOR.dsnu_e - 1.0).abs() < 0.06, "{:?}", report.spatial);
+    assert!((report.spatial.prnu / SENSOR.prnu - 1.0).abs() < 0.02, "{:?}", report.spatial);
     assert_eq!(report.spatial.bad_pixels, 2);
-    let written = std::fs::read_to_string(place.path().join("out/noise.json")).unwrap();
-    assert!(written.contains("full_scale_e"), "{written}");
+    let noise: NoiseModel = keys(&place.path().join("out"));
+    assert!((noise.full_scale_e * gain.value + found.black_dn - found.saturation_dn).abs() < 1.0, "{noise:?}");
+}
+
+/// The noise of `noise.json`.
+fn keys(out: &Path) -> NoiseModel {
+    let text = std::fs::read_to_string(out.join("noise.json")).unwrap();
+    serde_json::from_value(serde_json::from_str::<serde_json::Value>(&text).unwrap()["noise"].clone()).unwrap()
+}
+
+/// A `frames.json` states the electrons at gain 1, whatever the gain of the photographs.
+#[test]
+fn electrons_are_stated_at_gain_one() {
+    let place = tempfile::tempdir().unwrap();
+    let (flats, darks) = (place.path().join("flats"), place.path().join("darks"));
+    photographs(SENSOR, &flats, 100_000.0, &[0.01, 0.1], 1);
+    photographs(SENSOR, &darks, 0.0, &[0.1], 2);
+    let measured = |name: &str| {
+        let out = place.path().join(name);
+        perform(&Options { darks: Some(darks.clone()), channel: None }, &flats, &out, false, &Silent).unwrap();
+        keys(&out).full_scale_e
+    };
+    let at_one = measured("one");
+    for folder in [&flats, &darks] {
+        let path = folder.join("frames.json");
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(path, text.replace("\"file\"", "\"gain\":4,\"file\"")).unwrap();
+    }
+    assert!((measured("four") / at_one - 4.0).abs() < 1e-9);
 }
 
 #[test]
@@ -103,7 +135,8 @@ fn what_is_missing_is_named() {
     photographs(SENSOR, &darks, 0.0, &[0.01], 2);
     let options = Options { darks: Some(darks), channel: None };
     let report = perform(&options, &flats, &place.path().join("out"), false, &Silent).unwrap();
-    assert!(report.full_well_e.is_none() && report.dark_current_e_s.is_none() && report.linearity_error.is_none());
+    let found = &report.transfer;
+    assert!(found.full_well_e.is_none() && found.dark_current_e_s.is_none() && found.linearity_error.is_none());
     assert!(report.warnings.iter().any(|w| w.contains("no photograph is saturated")), "{:?}", report.warnings);
     let refused = |options: &Options, input: &Path| {
         perform(options, input, &place.path().join("no"), false, &Silent).unwrap_err().to_string()

@@ -123,25 +123,25 @@ pub struct Measured {
 }
 
 /// Results of the photon transfer.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Transfer {
-    /// Gain in DN per electron.
-    pub gain: Measured,
-    /// Temporal noise of darkness in electrons, without quantisation.
+    /// Gain K in DN per electron.
+    pub gain_dn_e: Measured,
+    /// Read noise in electrons: temporal noise of darkness without exposure and quantisation.
     pub read_noise_e: Measured,
-    /// Value of darkness at no exposure, in DN.
+    /// Value without light and exposure in DN.
     pub black_dn: f64,
-    /// Dark current in electrons per second; `None` for fewer than three exposures.
+    /// Dark current in electrons per second; none for fewer than three dark exposures.
     pub dark_current_e_s: Option<Measured>,
-    /// Electrons at saturation; `None` if the series does not reach it.
+    /// Electrons at saturation; none if no photograph is saturated.
     pub full_well_e: Option<f64>,
-    /// Value at saturation, or the highest of the series, in DN: the 90th percentile of the brightest level.
+    /// Value at saturation, or the highest one, in DN: the 90th percentile of the brightest exposure.
     pub saturation_dn: f64,
-    /// Mean deviation from proportionality to the exposure, as a share; `None` for fewer than three exposures.
-    pub linearity: Option<f64>,
-    /// Chi-square per degree of freedom of the straight line of variances.
+    /// Mean deviation from proportionality to the exposure, as a share; none for fewer than three exposures.
+    pub linearity_error: Option<f64>,
+    /// Chi-square per degree of freedom of the straight line of variances over means.
     pub chi_square: f64,
-    /// Number of exposures that the gain is fitted to.
+    /// Number of exposures with light that the gain is fitted to.
     pub fitted: usize,
 }
 
@@ -168,7 +168,7 @@ pub fn transfer(lit: &[Level], dark: &[Level]) -> Option<Transfer> {
     let noise_sigma = 0.5 * line.start.sigma / variance.max(line.start.sigma).sqrt() / gain.value;
     let relative = gain.sigma / gain.value;
     Some(Transfer {
-        gain,
+        gain_dn_e: gain,
         read_noise_e: Measured { value: noise, sigma: noise_sigma.hypot(noise * relative) },
         black_dn: offset,
         dark_current_e_s: (dark.len() >= 3).then(|| Measured {
@@ -177,7 +177,7 @@ pub fn transfer(lit: &[Level], dark: &[Level]) -> Option<Transfer> {
         }),
         full_well_e: saturates.then(|| swing / gain.value),
         saturation_dn,
-        linearity: linearity(lit, &black, offset, swing),
+        linearity_error: linearity(lit, &black, offset, swing),
         chi_square,
         fitted,
     })

@@ -35,8 +35,8 @@ const STEEP: f64 = 0.9;
 const AT_EDGES: f64 = 0.9;
 const LEAST_EDGE: f32 = 0.03;
 
-/// The same for orientations without brightness, which pixels at edges do not mix linearly.
-const LEAST_EDGE_UNLIT: f32 = 0.16;
+/// The same for orientations without brightness and for periods, of which pixels at edges hold no mean.
+const LEAST_EDGE_NONLINEAR: f32 = 0.16;
 
 /// Relative difference of two captures of one sheet that the smooth background does not explain. It turns an
 /// orientation by 0.15°.
@@ -143,8 +143,8 @@ impl Differences {
         let off = |i: usize| (s[i] - a[i]).norm();
         let noise = scaled(size, &compared, &off, &noise, MEDIAN_2);
         let lit = reference.has_light && sample.has_light;
-        let least = if lit { LEAST_EDGE } else { LEAST_EDGE_UNLIT };
-        let edge = edge_share(&some, &off, &noise, &slope, PERCENTILE_90_2).max(least);
+        let least = if lit { LEAST_EDGE } else { LEAST_EDGE_NONLINEAR };
+        let edge = edge_share(&some, &off, &noise, &slope, PERCENTILE_90_2, least);
         let sigma = with_edges(&noise, &slope, edge);
         let sigma: Vec<f32> = sigma.iter().zip(&a).map(|(s, a)| s.hypot(SYSTEMATIC * a.norm())).collect();
         let light = light(size, &reference.image, &fixed, &warped, &noise, &compared, &some, &unit, lit);
@@ -265,7 +265,14 @@ fn unresolved(image: &Image, value: &(dyn Fn([f32; 3]) -> Complex32 + Sync)) -> 
 ///
 /// With it, the differences of most of the steepest pixels are explained by noise. A floor accounts for undersampled
 /// edges.
-fn edge_share(some: &[usize], off: &dyn Fn(usize) -> f32, noise: &[f32], slope: &[f32], percentile: f32) -> f32 {
+fn edge_share(
+    some: &[usize],
+    off: &dyn Fn(usize) -> f32,
+    noise: &[f32],
+    slope: &[f32],
+    percentile: f32,
+    floor: f32,
+) -> f32 {
     let mut steep: Vec<f32> = some.iter().map(|i| slope[*i]).collect();
     let least = quantile(&mut steep, STEEP).unwrap_or(0.0).max(1e-6);
     let share = |i: &usize| {
@@ -274,7 +281,7 @@ fn edge_share(some: &[usize], off: &dyn Fn(usize) -> f32, noise: &[f32], slope: 
     };
     let chosen = some.iter().filter(|i| slope[**i] >= least);
     let mut shares: Vec<f32> = chosen.map(share).filter(|s| s.is_finite()).collect();
-    quantile(&mut shares, AT_EDGES).unwrap_or(0.0).max(LEAST_EDGE)
+    quantile(&mut shares, AT_EDGES).unwrap_or(0.0).max(floor)
 }
 
 /// Noise scaled to the residuals of the neighbourhood.
@@ -323,7 +330,7 @@ fn light(
     let slope: Vec<f32> = slope.iter().zip(&fixed.values).map(|(s, v)| s / v[2]).collect();
     let off = |i: usize| value[i].abs();
     let noise = scaled(size, compared, &off, &noise, MEDIAN_1);
-    let edge = edge_share(some, &off, &noise, &slope, PERCENTILE_90_1);
+    let edge = edge_share(some, &off, &noise, &slope, PERCENTILE_90_1, LEAST_EDGE);
     let sigma = with_edges(&noise, &slope, edge).iter().map(|s| s.hypot(SYSTEMATIC_LIGHT)).collect();
     Difference { value, sigma }
 }
@@ -357,7 +364,7 @@ fn period(
     let off = |i: usize| value[i].abs();
     let known: Vec<bool> = value.iter().map(|v| v.is_finite()).collect();
     let noise = scaled(size, &known, &off, &noise, MEDIAN_1);
-    let edge = edge_share(&some, &off, &noise, slope, PERCENTILE_90_1);
+    let edge = edge_share(&some, &off, &noise, slope, PERCENTILE_90_1, LEAST_EDGE_NONLINEAR);
     let sigma = with_edges(&noise, slope, edge);
     Difference { value, sigma }
 }

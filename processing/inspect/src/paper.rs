@@ -2,12 +2,9 @@
 
 use crate::font::{Font, encoded};
 use crate::pictures::Shown;
-use flate2::Compression;
-use flate2::write::ZlibEncoder;
-use nacre_base::{Error, Result};
+use nacre_base::Result;
+use nacre_plot::packed;
 use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
-use std::io::Write;
-use std::path::Path;
 
 /// Size of a page (A4) in points.
 const PAGE: [f32; 2] = [595.0, 842.0];
@@ -203,13 +200,6 @@ fn broken(text: &[u8], font: Font, size: f32, width: f32) -> Vec<Vec<u8>> {
         lines.push(rest.to_vec());
     }
     lines
-}
-
-fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
-    let failed = |e: std::io::Error| Error::output(Path::new("report.pdf"), e);
-    let mut packer = ZlibEncoder::new(vec![], Compression::default());
-    packer.write_all(bytes).map_err(failed)?;
-    packer.finish().map_err(failed)
 }
 
 #[cfg(test)]

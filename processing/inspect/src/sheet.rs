@@ -204,3 +204,39 @@ fn session_of(path: &Path) -> Option<Value> {
         serde_json::from_slice(&bytes).ok()
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nacre_image::write_exr;
+
+    /// Writes a result folder of 8 × 8 pixels whose orientations are those of the Stokes parameters, changed by a
+    /// model.
+    fn folder(place: &Path, name: &str, model: fn(f32) -> f32) -> PathBuf {
+        let folder = place.join(name);
+        std::fs::create_dir_all(&folder).unwrap();
+        let angle = |x: usize, y: usize| 0.3 * x as f32 + 0.02 * y as f32;
+        let write = |file: &str, channels: &[&str], of: &(dyn Fn(usize, f32) -> f32 + Sync)| {
+            let fill = |channel: usize, y: usize, row: &mut [f32]| {
+                row.iter_mut().enumerate().for_each(|(x, v)| *v = of(channel, angle(x, y)));
+            };
+            write_exr(&folder.join(file), 8, 8, channels, &[], &fill).unwrap();
+        };
+        let stokes = |channel: usize, angle: f32| [2.0, 1.2 * (2.0 * angle).cos(), 1.2 * (2.0 * angle).sin()][channel];
+        write("stokes.exr", &["S0", "S1", "S2"], &stokes);
+        let orientation = move |channel: usize, angle: f32| [model(angle), 0.001, 1.0][channel];
+        write("orientation.exr", &["orientation", "sigma", "mask"], &orientation);
+        folder
+    }
+
+    /// `--model auto` may choose another model for each sheet, whose orientations are not alike.
+    #[test]
+    fn a_sheet_does_not_depend_on_the_model_of_its_orientations() {
+        let place = tempfile::tempdir().unwrap();
+        let read = |name: &str, model: fn(f32) -> f32| Sheet::read(&folder(place.path(), name, model)).unwrap();
+        let (plain, film) = (read("plain", |a| a), read("film", |a| a + 0.1 * (2.0 * a).sin()));
+        assert!(plain.has_light && plain.image == film.image && plain.sigma == film.sigma);
+        // A comparison with a design has orientations alone, and there the model counts.
+        assert!(plain.without_light().image != film.without_light().image);
+    }
+}

@@ -29,6 +29,6 @@ pub mod style;
 pub mod svg;
 
 pub use labels::{Labels, spread_out};
-pub use pdf::pdf_from_svg;
+pub use pdf::{packed, pdf_from_svg};
 pub use png::png_from_svg;
 pub use scale::Scale;

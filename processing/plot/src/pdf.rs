@@ -210,7 +210,11 @@ fn rgb(paint: &Paint) -> Result<[f32; 3]> {
     }
 }
 
-fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
+/// Bytes in the format of `Filter::FlateDecode`.
+///
+/// # Errors
+/// None in practice: compression in memory cannot fail.
+pub fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
     let failed = |e: std::io::Error| Error::input("PDF", e.to_string(), "report this");
     let mut packer = ZlibEncoder::new(vec![], Compression::default());
     packer.write_all(bytes).map_err(failed)?;

@@ -1,5 +1,7 @@
 //! Light in front of the analyser per pixel, and the ground truth of the sample.
 
+mod sampling;
+
 use crate::config::BenchConfig;
 use crate::fringes::{Fringes, Tone};
 use crate::optics::{Incidence, Wavelength, band, efficiency};
@@ -13,9 +15,6 @@ use rayon::prelude::*;
 /// Highest diffraction order that is traced from the panel; higher orders of common gratings miss the panel or are
 /// evanescent.
 const ORDERS: i32 = 3;
-
-/// Rays along each axis of a pixel that shows one surface.
-const EVEN_RAYS: u32 = 2;
 
 /// R of a mirror pixel (metal without grating).
 const MIRROR_RATIO: Complex<f64> = Complex::new(-1.0, 0.0);
@@ -191,45 +190,14 @@ impl Scene {
         crate::blur::gaussian(plane, self.width() + 2 * self.margin(), self.bench.camera.blur_px)
     }
 
-    /// Points in mm at which the rays of a pixel meet the sample: `n` along each axis, the first and last one
-    /// `margin` of a step from its edges.
-    fn rays(
-        &self,
-        x: f64,
-        y: f64,
-        [dx, dy]: [f64; 2],
-        n: u32,
-        margin: f64,
-    ) -> impl ExactSizeIterator<Item = (f64, f64)> + use<> {
-        let (width, height) = (f64::from(self.bench.camera.width), f64::from(self.bench.camera.height));
-        let pixel_mm = self.pixel_mm;
-        (0..n * n).map(move |k| {
-            let offset = |i: u32| (f64::from(i) + margin) / (f64::from(n) - 1.0 + 2.0 * margin);
-            let x_mm = (x - dx + offset(k % n) - 0.5 * width) * pixel_mm;
-            (x_mm, (0.5 * height - y + dy - offset(k / n)) * pixel_mm)
-        })
-    }
-
-    /// Rays per pixel along each axis: few where corners, edges and middle show one surface.
-    fn fineness(&self, x: f64, y: f64, shift: [f64; 2]) -> u32 {
-        let all = self.bench.camera.subsamples;
-        if all <= EVEN_RAYS {
-            return all;
-        }
-        let mut points = self.rays(x, y, shift, 3, 0.0).map(|(x, y)| self.sample.at(x, y));
-        let first = points.next();
-        let even = first.is_none_or(|first| points.all(|point| point.is_like(&first)));
-        if even { EVEN_RAYS } else { all }
-    }
-
     fn light(&self, x: f64, y: f64, light: &Light, shift: [f64; 2]) -> Stokes {
-        let rays = self.rays(x, y, shift, self.fineness(x, y, shift), 0.5);
+        let rays = self.rays(x, y, shift);
         let share = 1.0 / rays.len() as f64;
         rays.map(|(x, y)| self.ray(x, y, &self.sample.at(x, y), light)).fold(Stokes::default(), |a, b| a + b) * share
     }
 
     fn sample_in(&self, x: f64, y: f64, shift: [f64; 2]) -> Surveyed {
-        let rays = self.rays(x, y, shift, self.fineness(x, y, shift), 0.5);
+        let rays = self.rays(x, y, shift);
         let count = rays.len() as u32;
         let (mut mean, mut reflectance) = (GratingMean::default(), 0.0);
         for (x, y) in rays {
