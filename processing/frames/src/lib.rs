@@ -1,6 +1,7 @@
 //! `frames.json`, the description of a set of photographs and the only input format of reconstructions. The capture
 //! engine writes it into every session folder; `nacre import` creates it for other photographs.
 
+mod calibration;
 mod clipping;
 pub mod hdr;
 mod illumination;
@@ -13,6 +14,10 @@ pub mod stack;
 mod stated;
 mod tags;
 
+pub use calibration::{
+    AnalyserCalibration, CALIBRATION_FILE, Calibration, CalibrationSource, CameraCalibration, FlatCalibration,
+    OrientationCalibration, RetarderCalibration,
+};
 pub use clipping::Clipping;
 pub use illumination::Illumination;
 pub use layout::{Bayer, Filters, Layout, Sensor};
@@ -99,6 +104,9 @@ pub struct FrameSet {
     /// Material of the sample (default: a film of index 1.5 on aluminium).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<Material>,
+    /// Calibration of the bench at the time of the capture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Calibration>,
 }
 
 /// Quantity varied between the photographs of a set.
@@ -244,7 +252,24 @@ impl FrameSet {
             geometry: None,
             panel_mm: None,
             material: None,
+            calibration: None,
         }
+    }
+}
+
+impl FrameSet {
+    /// Transmission axis of the analyser in rad, anticlockwise from the right of the image; 0 for frames without an
+    /// angle.
+    pub fn analyser_axis(&self, frame: &Frame) -> f64 {
+        let stage = frame.analyser_deg.unwrap_or_default();
+        let calibrated = self.calibration.as_ref().and_then(|c| c.analyser.as_ref());
+        calibrated.map_or(stage, |analyser| analyser.axis_deg(stage)).to_radians()
+    }
+
+    /// Contrast of the analyser behind parallel and crossed polarizers; 1 if not calibrated.
+    pub fn analyser_contrast(&self) -> f64 {
+        let calibrated = self.calibration.as_ref().and_then(|c| c.analyser.as_ref());
+        calibrated.map_or(1.0, AnalyserCalibration::contrast)
     }
 }
 

@@ -1,7 +1,9 @@
 //! Reading and validation of `frames.json`, which may come from any source and is not trusted.
 
 use super::stated::Stated;
-use super::{Channel, Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, Layout, SESSION_FILE, Spot, Transfer};
+use super::{
+    Calibration, Channel, Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, Layout, SESSION_FILE, Spot, Transfer,
+};
 use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
 use nacre_image::{Info, Raster, Samples, details, read};
@@ -180,6 +182,9 @@ fn check_values(path: &Path, set: &FrameSet, by: By) -> Result<()> {
             }
             _ => {}
         }
+    }
+    if let Some((key, problem)) = set.calibration.as_ref().and_then(Calibration::problem) {
+        return bad(key, problem, "correct it, or remove it to do without this calibration");
     }
     check_light(&bad, set)?;
     positive("wavelength_nm", set.wavelength_nm)?;

@@ -91,7 +91,7 @@ pub(crate) fn views(frames: &LoadedFrames, brackets: &[Vec<usize>], demosaic: De
     Ok(match (set.kind, set.filters()) {
         (Kind::Polarization, _) => indexed
             .map(|(bracket, f)| {
-                let angle = f.analyser_deg.unwrap_or_default().to_radians();
+                let angle = set.analyser_axis(f);
                 View { bracket, pixels: vec![[0, 0]], block: 1, step: 1, angle, stated: angle }
             })
             .collect(),
