@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::fs;
 
 /// Commands and the operations from whose options they are derived.
-const DERIVED: [(&[&str], &str); 15] = [
+const DERIVED: [(&[&str], &str); 19] = [
     (&["reconstruct", "polarization"], "polarization"),
     (&["reconstruct", "hdr"], "hdr"),
     (&["reconstruct", "stack"], "stack"),
@@ -29,6 +29,10 @@ const DERIVED: [(&[&str], &str); 15] = [
     (&["synthesize"], "synthesize"),
     (&["inspect"], "inspect"),
     (&["calibrate", "camera"], "camera"),
+    (&["calibrate", "flat"], "flat"),
+    (&["calibrate", "analyser"], "analyser"),
+    (&["calibrate", "retarder"], "retarder"),
+    (&["calibrate", "orientation"], "orientation"),
 ];
 
 /// Operations on the page's uploads, and options with separate controls.

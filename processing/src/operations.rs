@@ -23,7 +23,11 @@ pub const OPERATIONS: &[&dyn Registered] = &[
     &Entry::<nacre_render::environment::factor::Options>::NEW,
     &Entry::<foil::SynthesizeOptions>::NEW,
     &Entry::<nacre_inspect::Options>::NEW,
-    &Entry::<nacre_calibrate::Options>::NEW,
+    &Entry::<nacre_calibrate::camera::Options>::NEW,
+    &Entry::<nacre_calibrate::flat::Options>::NEW,
+    &Entry::<nacre_calibrate::analyser::Options>::NEW,
+    &Entry::<nacre_calibrate::retarder::Options>::NEW,
+    &Entry::<nacre_calibrate::orientation::Options>::NEW,
 ];
 
 /// The operation with a name.

@@ -108,11 +108,19 @@ def orders():
     yield "synthesize", {"upload": upload("table", "found/histogram.exr"), "options": {"size": [32, 24], "pixel_um": 25, "dot": {"disc": 5}}}
     flats()
     yield "camera", {"upload": upload("photographs", *Path().glob("flat?.png"), *Path().glob("dark?.png"), frames="flats.json"), "options": {}}
+    turn = ",".join(map(str, range(0, 360, 30)))
+    for kind in ("polarizer", "mirror", "paper", "kinematic"):
+        nacre(f"sim render --sample {kind} --size 32 --angles-deg {turn} --out {kind}")
+    yield "analyser", {"upload": photographs("polarizer", "polarizer/frames.json"), "options": {"axis_deg": 0, "axis_sigma_deg": 0.1}}
+    yield "retarder", {"upload": photographs("mirror", "mirror/frames.json"), "options": {"panel_deg": 0, "panel_sigma_deg": 0.1}}
+    yield "flat", {"upload": photographs("paper", "paper/frames.json"), "options": {}}
+    of = {"upload": photographs("kinematic", "kinematic/frames.json"), "options": {"model": "circle"}}
+    yield "orientation", {"results": [run("polarization", of).id], "options": {"known_deg": 30}}
     yield "inspect", {"upload": upload("maps", *Path("drawn").glob("*.exr")), "options": {"reference": "orientation.exr"}}
 
 
 def run(name, order):
-    """Runs an operation; returns its report."""
+    """Runs an operation; returns the reconstruction."""
     module = importlib.import_module(f"nacre_client.api.operations.run_{name}")
     request = DOCUMENT["paths"][f"/api/v1/operations/{name}"]["post"]["requestBody"]["content"]["application/json"]
     body = getattr(models, request["schema"]["$ref"].rsplit("/", 1)[1]).from_dict(order)
@@ -123,14 +131,14 @@ def run(name, order):
             break
         time.sleep(0.1)
     assert done.state == "done", f"{name}: {done.error}"
-    return done.report.to_dict()
+    return done
 
 
 offered = {operation["name"]: operation for operation in answer(f"{URL}/api/v1/operations")}
 all_orders = dict(orders())
 assert all_orders.keys() == offered.keys(), all_orders.keys() ^ offered.keys()
 for name, order in all_orders.items():
-    report = run(name, order)
+    report = run(name, order).report.to_dict()
     problems = list(Draft202012Validator(offered[name]["report"]).iter_errors(report))
     assert not problems, f"{name}: {problems[0].json_path}: {problems[0].message}"
 lines = [f'await run("/api/v1/operations/{name}", {json.dumps(order)});' for name, order in all_orders.items()]

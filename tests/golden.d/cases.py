@@ -79,6 +79,20 @@ CASES = [
     }, [
         "--json calibrate camera flats --darks darks --out camera",
     ]),
+    Case("calibrate", {
+        **{f"{name}.toml": i.REFERENCE % (kind, turn, retardance) for name, kind, turn, retardance in (
+            ("front", "polarizer", 20, 84), ("back", "polarizer", -20, 84), ("film", "mirror", 0, 84),
+            ("bare", "mirror", 0, 0), ("paper", "paper", 0, 84), ("tile", "kinematic", 0, 84))},
+    }, [
+        *(f"sim render --bench {name}.toml --angles-deg {','.join(map(str, range(0, 360, 15)))} --out {name}"
+          for name in ("front", "back", "film", "bare", "paper", "tile")),
+        "--json calibrate analyser front --flipped back --axis-deg 20 --out analyser",
+        "calibrate retarder film --bare bare --out retarder",
+        "calibrate flat paper --out flat",
+        "reconstruct polarization tile --model circle --out result",
+        "calibrate orientation result --known-map tile/truth.exr --out orientation",
+        "calibrate orientation result --known-deg 30 --center-px 3,4 --out no # code 2",
+    ]),
     Case("lut", {"scene.toml": i.FLASH_SCENE, "near.toml": i.NEAR, "lamp.csv": i.LAMP, "scene-table.toml": i.TABLE_SCENE,
                  "colour.png": i.lazy(i.orders), "sky.hdr": i.lazy(i.environment)}, [
         "sim photograph flash --scene scene.toml --out photo",

@@ -23,6 +23,13 @@ sample = { kind = "polygons" }
 analyser = { wedge_px = 1.5, jitter_px = 0.2 }
 """
 
+REFERENCE = """seed = 31
+camera = { width = 48, height = 40 }
+sample = { kind = "%s", turn_deg = %d }
+panel = { retardance_deg = %d, retarder_deg = 48 }
+stage = { zero_deg = 12, eccentricity_deg = 0.2, extinction_ratio = 200 }
+"""
+
 DISC_BENCH = """seed = 10
 camera = { width = 64, height = 48 }
 sample = { kind = "cd" }

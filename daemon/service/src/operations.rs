@@ -40,7 +40,8 @@ pub struct Order {
     /// For `lut`: an upload with photographs of the mirror image of an extended light.
     light: Option<LightUpload>,
     /// Options by key; keys left out have their defaults. Options that name files take names of files in the upload,
-    /// `result:ID` for a result, or `result:ID/FILE` for a file of a result.
+    /// `result:ID` for a result, `result:ID/FILE` for a file of a result, or `session:ID` for the photographs of a
+    /// session.
     #[schema(value_type = Object)]
     #[serde(default)]
     options: Map<String, Value>,

@@ -274,7 +274,7 @@ fn drawn(kind: SampleKind, side: usize) -> Vec<u8> {
         let point = sample.at(at(column), -at(row));
         let color = match point.surface {
             Surface::Grating { orientation, .. } => palette.color(orientation),
-            Surface::Mirror => MIRROR,
+            Surface::Mirror | Surface::Bare { .. } => MIRROR,
             Surface::Diffuse => PAPER,
             Surface::Nothing => NOTHING,
         };

@@ -1,4 +1,5 @@
-//! Results of this service as input of an operation: as its input (`results`), or named by an option (`result:ID`).
+//! Results and sessions of this service as input of an operation: as its input (`results`), or named by an option
+//! (`result:ID`, or `session:ID` for the photographs of a session).
 
 use super::App;
 use super::problem::{Answer, Problem};
@@ -16,6 +17,9 @@ use tempfile::TempDir;
 
 /// Prefix of an option that names a result instead of an uploaded file.
 const PREFIX: &str = "result:";
+
+/// Prefix of an option that names a session instead of uploaded photographs.
+const SESSION_PREFIX: &str = "session:";
 
 /// Most results of one operation.
 const MOST: usize = 1000;
@@ -51,6 +55,14 @@ impl App {
         let ids: Vec<String> = spec.options.values().filter_map(|v| Some(named(v.as_str()?)?.0.to_owned())).collect();
         for id in ids {
             spec.named.push(self.used_result(&id).await?);
+        }
+        let of_session = |v: &Value| v.as_str()?.strip_prefix(SESSION_PREFIX).map(str::to_owned);
+        for id in spec.options.values().filter_map(of_session).collect::<Vec<_>>() {
+            if !self.session_folder(&id)?.join(SESSION_FILE).exists() {
+                return Err(Problem::not_found("such session").remedy("GET /api/v1/sessions lists them"));
+            }
+            let name = format!("{SESSION_PREFIX}{id}");
+            spec.named.push(UsedResult { id: name.clone(), name, session: Some(id) });
         }
         Ok(())
     }
@@ -102,6 +114,10 @@ impl Staged {
             }
         }
         for result in &spec.named {
+            if let Some(id) = result.id.strip_prefix(SESSION_PREFIX) {
+                staged.named.push((result.id.clone(), data.join("sessions").join(id)));
+                continue;
+            }
             let place = staged.folder.path().join(&result.id).join(unique(&result.name, &mut HashSet::new()));
             link(result, data, &place)?;
             staged.named.push((result.id.clone(), place));
@@ -114,8 +130,12 @@ impl Staged {
         &self.input
     }
 
-    /// Path of a result, or of a file in it, that an option names; `None` for other options and missing files.
+    /// Path of a session, of a result, or of a file in it, that an option names; `None` for other options and missing
+    /// files.
     pub fn path(&self, option: &str) -> Option<PathBuf> {
+        if option.starts_with(SESSION_PREFIX) {
+            return self.named.iter().find(|(known, _)| known == option).map(|(_, place)| place.clone());
+        }
         let (id, file) = named(option)?;
         let (_, place) = self.named.iter().find(|(known, _)| known == id)?;
         let Some(file) = file else { return Some(place.clone()) };
@@ -183,7 +203,7 @@ mod tests {
         };
         let spec = Spec {
             results: vec![used("S", Some("S")), used("R", None)],
-            named: vec![used("R", None)],
+            named: vec![used("R", None), used("session:S", Some("S"))],
             ..Spec::default()
         };
         let staged = Staged::of(&spec, data.path()).unwrap().unwrap();
@@ -191,6 +211,8 @@ mod tests {
         assert!(there("Sheet 1-2-/a.exr") && there("Sheet 1-2-/session.json") && there("Sheet 1-2- (2)/limits.toml"));
         assert!(staged.path("result:R").unwrap().ends_with("Sheet 1-2-"));
         assert!(staged.path("result:R/limits.toml").is_some());
+        assert_eq!(staged.path("session:S"), Some(data.path().join("sessions/S")));
+        assert_eq!(staged.path("session:R"), None);
         for wrong in ["result:R/../x", "result:R/none.toml", "result:S", "limits.toml"] {
             assert_eq!(staged.path(wrong), None, "{wrong}");
         }

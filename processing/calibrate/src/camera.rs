@@ -8,7 +8,7 @@ use nacre_base::estimate::Work;
 use nacre_base::operation::Operation;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder, Result};
-use nacre_frames::NoiseModel;
+use nacre_frames::{CALIBRATION_FILE, Calibration, CameraCalibration, NoiseModel};
 use nacre_image::{Attribute, budget, write_exr, write_png8};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -41,8 +41,8 @@ twice or more, then the same exposures with the lens covered. Gain, lens and lig
 Exposures come from a frames.json, or from Exif tags. Instead of --darks, frames of a frames.json
 may name their dark photographs (\"dark\").
 
-Writes report.json, noise.json (\"noise\", \"black\" and \"white\" of a frames.json), dark.exr (mean of
-darkness) and bad-pixels.png. Definitions are those of EMVA Standard 1288."
+Writes report.json, calibration.json, noise.json (\"noise\", \"black\" and \"white\" of a frames.json),
+dark.exr (mean of darkness) and bad-pixels.png. Definitions are those of EMVA Standard 1288."
 ))]
 pub struct Options {
     /// Folder of photographs of darkness, each exposure twice or more (default: the `dark` of each frame).
@@ -165,6 +165,9 @@ impl Operation for Options {
         let mask: Vec<u8> = bad.iter().map(|b| if *b { 255 } else { 0 }).collect();
         write_png8(&out.path("bad-pixels.png"), size[0], size[1], 1, &mask)?;
         out.write("noise.json", report.for_frames(white).as_bytes())?;
+        let black = report.transfer.black_dn;
+        let camera = CameraCalibration { source: None, noise, black, white, gain: lit.gain };
+        out.write_json(CALIBRATION_FILE, &Calibration { camera: Some(camera), ..Calibration::default() })?;
         Ok(report)
     }
 }

@@ -6,7 +6,7 @@ use super::{
 };
 use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
-use nacre_image::{Info, Raster, Samples, details, read};
+use nacre_image::{Depth, Info, Raster, Samples, details, read};
 use std::path::{Component, Path, PathBuf};
 
 /// Maximum size of a `frames.json`; 10,000 frames need about 1 MiB.
@@ -301,6 +301,8 @@ fn check_files(path: &Path, folder: &Path, set: &FrameSet) -> Result<(Info, Stat
         stated.add(file.clone(), details);
         match &common {
             None => common = Some((file, found)),
+            // A flat field may be the mean of many photographs.
+            Some((_, wanted)) if key == "flat" && found == (Info { depth: Depth::F32, ..*wanted }) => {}
             Some((first, wanted)) if *wanted != found => {
                 return Err(Error::file(
                     &file,

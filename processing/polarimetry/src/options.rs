@@ -32,7 +32,8 @@ The model plain writes stokes.exr (S0 S1 S2), aolp.exr (aolp dolp sigma sigma_do
 correlation), aolp.png, dolp.png, sigma.png and report.json. Models of gratings write
 orientation.exr (orientation sigma mask correlation) and orientation.png (smoothed) in place of
 aolp.png; with periods also period.exr (period sigma mask) and period.png. Orientations are
-relative: one unknown offset, common to all pixels, remains."
+relative: one unknown offset, common to all pixels, remains, unless the photographs name a
+calibration of orientations (`nacre calibrate orientation`)."
 ))]
 #[schemars(rename = "PolarizationOptions")]
 pub struct Options {
@@ -60,9 +61,10 @@ pub struct Options {
     /// edge-aware: Newton polynomials of the difference between polarizers, along edges (Li et al. 2019).
     #[schemars(extend("x-advanced" = true))]
     pub demosaic: Demosaic,
-    /// Offset added to every orientation, in degrees.
+    /// Offset added to every orientation, in degrees (default: that of the calibration that the photographs name, or 0).
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
-    pub offset_deg: f64,
+    pub offset_deg: Option<f64>,
     /// Smoothing of orientations in pictures: none, light (10 rounds of a bilateral filter), strong (50) or a number of
     /// rounds.
     #[schemars(extend("x-advanced" = true))]
@@ -161,17 +163,19 @@ impl Options {
         self.align.unwrap_or(if self.model_for(frames) == Model::Plain { Align::Off } else { Align::Auto })
     }
 
+    /// Offset of orientations in degrees, as requested or calibrated.
+    pub(crate) fn offset_for(&self, frames: &LoadedFrames) -> f64 {
+        let calibrated = frames.set.calibration.as_ref().and_then(|c| c.orientation.as_ref());
+        self.offset_deg.or(calibrated.map(|o| o.offset_deg)).unwrap_or(0.0)
+    }
+
     /// Checks the options before any processing; returns the method of periods, with the photographs' wavelength.
     ///
     /// # Errors
     /// `Input` for invalid numbers, and if the wavelength is unknown.
     pub fn check(&self, frames: &LoadedFrames) -> Result<Option<PeriodMethod>> {
-        if !self.offset_deg.is_finite() {
-            return Err(Error::input(
-                "--offset-deg",
-                format!("{} is no angle", self.offset_deg),
-                "give finite degrees",
-            ));
+        if let Some(offset) = self.offset_deg.filter(|o| !o.is_finite()) {
+            return Err(Error::input("--offset-deg", format!("{offset} is no angle"), "give finite degrees"));
         }
         if (self.smooth_maps || self.smoothed_exr) && self.smooth == Smoothing::NONE {
             let problem = "a smoothed map was asked for, but the smoothing is none";
@@ -257,7 +261,7 @@ impl Options {
     /// Refuses options without effect in plain polarimetry.
     fn check_plain(&self) -> Result<()> {
         let of_gratings = [
-            ("--offset-deg", self.offset_deg != 0.0),
+            ("--offset-deg", self.offset_deg.is_some_and(|o| o != 0.0)),
             ("--oblique", self.oblique != Oblique::Off),
             ("--smooth-maps", self.smooth_maps),
             ("--smoothed-exr", self.smoothed_exr),

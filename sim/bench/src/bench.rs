@@ -5,6 +5,7 @@ use crate::config::{BenchConfig, CameraConfig};
 use crate::fringes::Fringes;
 use crate::random::{electrons, key};
 use crate::scene::{Lamp, Scene, Source, StokesImage, Truth};
+use crate::sensor::Sensor;
 use crate::stage::Stage;
 use nacre_base::Result;
 use nacre_base::progress::{Progress, Silent};
@@ -36,6 +37,7 @@ pub struct Bench {
     changes: VecDeque<(Duration, Shining)>,
     stage: Stage,
     camera: Camera,
+    sensor: Sensor,
     steady_since: Duration,
 }
 
@@ -70,6 +72,7 @@ impl Bench {
             now: Duration::ZERO,
             stage: Stage::new(&config.stage, config.seed),
             camera: Camera::new(&config.camera),
+            sensor: Sensor::new(&config.camera, config.seed),
             lights: VecDeque::new(),
             changes: [(Duration::ZERO, dark)].into(),
             steady_since: Duration::ZERO,
@@ -257,7 +260,7 @@ impl Bench {
         let (end, exposure) = (frame.end - self.camera.readout(), frame.settings.exposure_s);
         let (cos2, sin2) = self.analyser_over(frame.start, end);
         let (lit, open) = self.lit(frame.start, end);
-        let shift = self.config.shift_px(self.stage.angle(frame.start + (end - frame.start) / 2));
+        let shift = self.config.shift_px(self.stage.axis(frame.start + (end - frame.start) / 2));
         let (lit, ambient) = if shift == [0.0; 2] { (lit, None) } else { self.shifted(lit, shift) };
         let ambient = ambient.as_ref().unwrap_or(&self.ambient);
         let (camera, extinction) = (&self.config.camera, 1.0 / self.config.stage.extinction_ratio);
@@ -280,12 +283,10 @@ impl Bench {
             for (x, code) in row.iter_mut().enumerate() {
                 let i = y * width + x;
                 let mean = electrons_per_unit * light(i) * vignetting(camera, x, y);
-                let electrons = electrons(
-                    noise ^ (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15),
-                    mean.max(0.0),
-                    camera.read_noise_e,
-                );
-                *code = (black + per_electron * electrons.min(camera.well_e)).round().clamp(0.0, white) as u16;
+                let key = noise ^ (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+                let electrons = electrons(key, self.sensor.mean(i, mean.max(0.0), exposure), camera.read_noise_e);
+                let read = self.sensor.read(i, electrons);
+                *code = (black + per_electron * read.min(camera.well_e)).round().clamp(0.0, white) as u16;
             }
         });
         codes
@@ -308,7 +309,7 @@ impl Bench {
             }
         }
         let state: Vec<u64> = state.into_iter().map(f64::to_bits).collect();
-        key(&[self.config.seed, key(&state), since as u64])
+        key(&[self.config.noise_seed.unwrap_or(self.config.seed), key(&state), since as u64])
     }
 
     /// Mean of (cos 2ψ, sin 2ψ) over an exposure, which suffices for Malus' law.
@@ -317,7 +318,7 @@ impl Bench {
         let (mut cos, mut sin) = (0.0, 0.0);
         for k in 0..STEPS {
             let at = start + (end - start) * (2 * k + 1) / (2 * STEPS);
-            let (s, c) = (2.0 * self.stage.angle(at).to_radians()).sin_cos();
+            let (s, c) = (2.0 * self.stage.axis(at).to_radians()).sin_cos();
             cos += c / f64::from(STEPS);
             sin += s / f64::from(STEPS);
         }

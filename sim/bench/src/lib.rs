@@ -13,6 +13,7 @@ pub mod photographs;
 mod port;
 pub mod random;
 mod scene;
+mod sensor;
 pub mod socket;
 mod stage;
 pub mod surface;

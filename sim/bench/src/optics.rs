@@ -149,6 +149,25 @@ impl Wavelength {
         (light(0.0) + light(std::f64::consts::FRAC_PI_2)) * 0.5
     }
 
+    /// Light of a front-surface aluminium mirror, from `direction` (unit vector to the light), behind a linear
+    /// polarizer if there is an axis (rad). `unpolarized` replaces the panel's light.
+    pub fn reflect_bare(&self, direction: [f64; 3], polarizer: Option<f64>, unpolarized: bool) -> Stokes {
+        let (s, p, normal) = metal(1.0, direction[2].clamp(1e-3, 1.0));
+        let plane = Axis::along(direction[0], direction[1]);
+        let light = |field: JonesVector| {
+            let polarized = |e: JonesVector| match polarizer {
+                Some(axis) => Axis::at(axis).act([1.0.into(), 0.0.into()], e),
+                None => e,
+            };
+            polarized(plane.act([p / normal, s / normal], polarized(field))).stokes()
+        };
+        if unpolarized {
+            (light(JonesVector::linear(0.0)) + light(JonesVector::linear(std::f64::consts::FRAC_PI_2))) * 0.5
+        } else {
+            light(self.source)
+        }
+    }
+
     fn reflect_field(
         &self,
         source: JonesVector,

@@ -225,6 +225,7 @@ impl Scene {
                 }
             },
             Surface::Mirror => self.order(&self.traced(x, y, point, light), point, 0),
+            Surface::Bare { polarizer } => self.bare(&self.traced(x, y, point, light), polarizer.map(f64::from)),
             Surface::Grating { period_um, .. } => {
                 // Orders whose sines lie outside the reach of the disc are not traced.
                 let [across, up] = source.center_mm;
@@ -247,6 +248,14 @@ impl Scene {
             |([a, b], _): ([f64; 2], f64)| mirrored(unit([radius * a - half - x, radius * b - y, distance]), normal);
         let mirrors = light.tone.as_ref().map_or(Default::default(), |_| APERTURE.map(through));
         Ray { x, y, view, mirror: mirrored(view, normal), mirrors, light }
+    }
+
+    /// Light of a front-surface mirror.
+    fn bare(&self, ray: &Ray, polarizer: Option<f64>) -> Stokes {
+        let Some((seen, direction)) = self.seen(ray, [0.0; 2]) else { return Stokes::default() };
+        let unpolarized = ray.light.source.lamp == Lamp::Flash;
+        let reflected = |wave: &Wavelength| wave.reflect_bare(direction, polarizer, unpolarized) * (seen * wave.weight);
+        self.band.iter().map(reflected).fold(Stokes::default(), |a, b| a + b)
     }
 
     fn power(&self, source: &Source) -> f64 {
@@ -294,13 +303,18 @@ impl Scene {
     ///
     /// The order's sines are the mirrored ones plus `shift`. `None` if the luminance is 0.
     fn way(&self, ray: &Ray, shift: [f64; 2]) -> Option<(f64, Incidence)> {
+        // The film's index does not depend on the wavelength.
+        self.seen(ray, shift).map(|(seen, direction)| (seen, self.band[0].incidence(direction)))
+    }
+
+    /// As `way`, with the direction of the light in place of its incidence.
+    fn seen(&self, ray: &Ray, shift: [f64; 2]) -> Option<(f64, [f64; 3])> {
         let source = lifted(ray.mirror[0] + shift[0], ray.mirror[1] + shift[1])?;
         let seen = match &ray.light.tone {
             None => self.luminance(ray, source),
             Some(tone) => self.stripes(ray, shift, tone),
         };
-        // The film's index does not depend on the wavelength.
-        (seen != 0.0).then(|| (seen, self.band[0].incidence(source)))
+        (seen != 0.0).then_some((seen, source))
     }
 
     /// Luminance at the point where a ray along `direction` meets the plane of the lights.

@@ -77,6 +77,14 @@ impl Stage {
         m.from + (m.to - m.from) * share
     }
 
+    /// Transmission axis of the analyser in degrees, anticlockwise from the right of the image.
+    pub fn axis(&self, at: Duration) -> f64 {
+        let angle = self.angle(at);
+        let error = self.config.eccentricity_deg * (angle - self.config.eccentricity_at_deg).to_radians().sin();
+        let sense = if self.config.clockwise { -1.0 } else { 1.0 };
+        self.config.zero_deg + sense * (angle + error)
+    }
+
     fn settling(&self) -> Duration {
         Duration::from_secs_f64(self.config.settle_ms / 1000.0)
     }
@@ -106,6 +114,22 @@ mod tests {
         s.move_to(90.0, Duration::ZERO);
         s.halt(Duration::from_millis(250));
         assert!([250, 300, 5000].into_iter().all(|ms| (s.angle(Duration::from_millis(ms)) - 45.0).abs() < 1e-9));
+    }
+
+    #[test]
+    fn the_axis_follows_the_scale() {
+        let config = StageConfig {
+            backlash_deg: 0.0,
+            repeatability_deg: 0.0,
+            zero_deg: 10.0,
+            clockwise: true,
+            eccentricity_deg: 0.5,
+            eccentricity_at_deg: 30.0,
+            ..StageConfig::default()
+        };
+        let mut s = Stage::new(&config, 1);
+        let done = s.move_to(120.0, Duration::ZERO);
+        assert!((s.axis(done) - (10.0 - 120.5)).abs() < 1e-3);
     }
 
     #[test]

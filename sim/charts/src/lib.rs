@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+pub mod bench_calibration;
 mod bokeh;
 mod calibration;
 mod environment;
@@ -32,6 +33,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     let mut all = vec![wedge(effort), oblique(effort), compact_disc(effort), series::study(effort), hdr::study(effort)];
     all.extend(period::studies(effort));
     all.extend(calibration::studies(effort));
+    all.extend(bench_calibration::study::studies(effort));
     all.extend(foil::studies(effort));
     all.extend(lut::studies(effort));
     all.extend(bokeh::studies(effort));

@@ -52,13 +52,13 @@ pub(super) fn photograph(mut bench: Bench, exposure_s: f64, folder: &Path) -> Re
 }
 
 /// Switches the display's disc on.
-fn light(bench: &mut Bench) {
+pub(super) fn light(bench: &mut Bench) {
     let pattern = Pattern::Disc { center_mm: [0.0; 2], diameter_mm: bench.config().disc_mm() };
     bench.shine(Shining { pattern, flash: false, covered: false }, Duration::ZERO);
 }
 
 /// Code values of black and white.
-fn levels(config: &BenchConfig) -> [f64; 2] {
+pub(super) fn levels(config: &BenchConfig) -> [f64; 2] {
     [f64::from(config.camera.black_level), f64::from((1u32 << config.camera.bits) - 1)]
 }
 
@@ -75,17 +75,26 @@ pub(super) fn metered(mut bench: Bench) -> f64 {
     exposure_s
 }
 
-/// Takes one photograph at an analyser angle: the first frame that begins after the analyser has settled, with this
-/// exposure.
+/// Takes one photograph at an angle of the stage.
 fn codes(bench: &mut Bench, angle_deg: f64, exposure_s: f64) -> Option<Vec<u16>> {
+    several(bench, angle_deg, exposure_s, 1)?.pop()
+}
+
+/// Takes photographs at an angle of the stage: the first frames with this exposure that begin after the analyser has
+/// settled.
+pub(super) fn several(bench: &mut Bench, angle_deg: f64, exposure_s: f64, count: usize) -> Option<Vec<Vec<u16>>> {
     bench.set_camera(exposure_s, 1.0);
     let settled = bench.turn_analyser(angle_deg);
+    let mut taken = vec![];
     // The stage and the camera's latency take tens of frames at most.
     for _ in 0..100_000 {
         bench.advance_to(bench.next_frame_at());
         while let Some(frame) = bench.take_frame() {
             if frame.start >= settled && frame.settings.exposure_s == exposure_s {
-                return Some(bench.codes(&frame));
+                taken.push(bench.codes(&frame));
+                if taken.len() == count {
+                    return Some(taken);
+                }
             }
         }
     }

@@ -11,7 +11,20 @@ use std::marker::PhantomData;
 use std::path::PathBuf;
 
 /// Operations whose command is not a subcommand of `nacre reconstruct`.
-const ELSEWHERE: [&str; 8] = ["brdf", "map", "calibrate", "camera", "render", "factor", "synthesize", "inspect"];
+const ELSEWHERE: [&str; 12] = [
+    "brdf",
+    "map",
+    "calibrate",
+    "camera",
+    "flat",
+    "analyser",
+    "retarder",
+    "orientation",
+    "render",
+    "factor",
+    "synthesize",
+    "inspect",
+];
 
 /// An operation and its parsed command line.
 #[derive(Clone)]

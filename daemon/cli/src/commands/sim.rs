@@ -108,11 +108,9 @@ pub struct BenchOptions {
 }
 
 fn sample(name: &str) -> Result<SampleKind, String> {
-    let known = SampleKind::ALL;
-    known
-        .into_iter()
-        .find(|k| k.name() == name)
-        .ok_or_else(|| format!("no such sample; choose one of {}", known.map(|k| k.name()).join(", ")))
+    let known = || SampleKind::ALL.into_iter().chain(SampleKind::REFERENCES);
+    let names = || known().map(SampleKind::name).collect::<Vec<_>>().join(", ");
+    known().find(|k| k.name() == name).ok_or_else(|| format!("no such sample; choose one of {}", names()))
 }
 
 /// Runs the selected command.

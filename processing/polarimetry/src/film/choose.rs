@@ -3,6 +3,7 @@
 use crate::angle_difference;
 use crate::film::check::{WIDEST_GAP_DEG, gap, lie_together};
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
+use crate::film::curve::Source;
 use crate::film::models::{Candidate, Evidence, Model, NPMLE_MIN_POINTS, candidates, orientation};
 use crate::film::projection::CurveSamples;
 use crate::film::search::{Begin, ENOUGH, POLARIZER, alike, at_limit, curves, with_max_likelihood};
@@ -92,7 +93,13 @@ pub(crate) struct Choice {
 
 /// Selects a model for points with modulation. `distorted` is the variance of the points' displacement by
 /// analyser-angle errors, relative to their noise. `None` for fewer than 20 points.
-pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, distorted: f64) -> Option<Choice> {
+pub(crate) fn choose(
+    points: &[CloudPoint],
+    wanted: Model,
+    begin: Begin<'_>,
+    distorted: f64,
+    source: Source,
+) -> Option<Choice> {
     if points.len() < MIN_POINTS {
         return None;
     }
@@ -116,7 +123,7 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         let all = wanted == Model::Curve || count >= CURVE_POINTS;
         // In a small map the edge pixels are kept, and would be mistaken for metal without a grating.
         let to_their_noise = |c: &Candidate| c.curve.mirror.is_none() && c.widened < UNMODELLED_WIDENED;
-        let found = curves(points, &circle, begin);
+        let found = curves(points, &circle, begin, source);
         candidates.extend(found.into_iter().filter(|c| all || to_their_noise(c)));
     }
     let widened = least(&candidates);

@@ -2,6 +2,7 @@
 
 use crate::film::choose::{Choice, choose};
 use crate::film::cloud::{CloudPoint, cloud};
+use crate::film::curve::Source;
 use crate::film::models::{Candidate, Model, orientation};
 use crate::film::projection::CurveSamples;
 use crate::film::search::Begin;
@@ -47,7 +48,7 @@ fn chosen(wanted: Model, scene: &Synthetic, pixels: usize, seed: u64) -> (Choice
     assert_eq!(points.len(), truth.len());
     let pairs: Vec<_> = points.into_iter().zip(truth).filter(|(p, _)| p.snr >= f64::from(MASK_SNR)).collect();
     let points: Vec<_> = pairs.iter().map(|(p, _)| *p).collect();
-    (choose(&points, wanted, Begin::Anywhere, 0.0).unwrap(), pairs)
+    (choose(&points, wanted, Begin::Anywhere, 0.0, Source::IDEAL).unwrap(), pairs)
 }
 
 fn listed(choice: &Choice, errors: &[f64]) -> String {

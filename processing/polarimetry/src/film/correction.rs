@@ -3,7 +3,7 @@
 use crate::film::camera_position::{CameraPosition, Oblique};
 use crate::film::choose::{Choice, choose, difference_of};
 use crate::film::cloud::CloudPoint;
-use crate::film::curve::{Curve, Film};
+use crate::film::curve::{Curve, Film, Source};
 use crate::film::invert_curve::{Table, distance2};
 use crate::film::models::Model;
 pub use crate::film::oblique::{Incidence, Material, curve_at};
@@ -193,14 +193,14 @@ pub(crate) struct Corrected {
 /// Selects a model. The correction of oblique incidence is applied if requested and if it increases the likelihood. Its
 /// remaining effect is added to the model's error.
 pub(crate) fn choose_corrected(points: &[CloudPoint], options: &SolveOptions, distorted: f64) -> Option<Corrected> {
-    let plain = choose(points, options.model, Begin::Anywhere, distorted)?;
+    let plain = choose(points, options.model, Begin::Anywhere, distorted, options.source)?;
     let Some((camera, material)) = options.camera else {
         return Some(Corrected { choice: plain, correction: None, report: None });
     };
     // At least as many as needed to detect a film.
     let few: Vec<CloudPoint> = points.iter().step_by((points.len() / SAMPLE_POINTS).max(1)).copied().collect();
     // A circle has two explanations: either of the two terms of the field (grating or mirror) may be the larger one.
-    let guesses = plain.candidates[plain.assumed].film.into_iter().chain(circles(&plain));
+    let guesses = plain.candidates[plain.assumed].film.into_iter().chain(circles(&plain, options.source));
     let corrections: Vec<Correction> = guesses
         .map(|film| Correction::new(camera, &material, &film))
         .filter(|c| c.displacement(&few) > MIN_DISPLACEMENT)
@@ -237,19 +237,21 @@ fn with_correction(
     (options, distorted): (&SolveOptions, f64),
 ) -> Option<(Choice, Correction)> {
     let (camera, material) = options.camera?;
-    let at = |points: &[CloudPoint], films: &[Film]| choose(points, options.model, Begin::At(films), distorted);
+    let at = |points: &[CloudPoint], films: &[Film]| {
+        choose(points, options.model, Begin::At(films), distorted, options.source)
+    };
     let films = plain.films();
     let tried = corrections.into_iter().filter_map(|c| Some((at(&c.straighten(few), &films)?.likelihood, c)));
     let (_, first) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
     // The corrected points determine the film, which in turn determines the final correction.
-    let found = choose(&first.straighten(few), options.model, Begin::Anywhere, distorted)?;
+    let found = choose(&first.straighten(few), options.model, Begin::Anywhere, distorted, options.source)?;
     let film = found.candidates[found.chosen].film;
     let correction = film.map_or(first, |film| Correction::new(camera, &material, &film));
     Some((at(&correction.straighten(points), &found.films())?, correction))
 }
 
 /// Gratings without a film whose circle has the fitted size: |a| > |b|, as for embossed metal, and the opposite.
-fn circles(choice: &Choice) -> Vec<Film> {
+fn circles(choice: &Choice, source: Source) -> Vec<Film> {
     let circle = choice.candidates.iter().find(|c| c.model == Model::Circle);
     let Some(radius) = circle.map(|c| c.size().clamp(1e-3, 0.999)) else { return vec![] };
     let small = (1.0 - (1.0 - radius * radius).sqrt()) / radius;
@@ -257,7 +259,7 @@ fn circles(choice: &Choice) -> Vec<Film> {
         .map(|size| {
             let k = Complex::new(0.0, size);
             let ratio = (k - 1.0) / (k + 1.0);
-            Film { ln_r: ratio.norm().ln(), zeta: ratio.arg(), ..Film::NONE }
+            Film { ln_r: ratio.norm().ln(), zeta: ratio.arg(), source, ..Film::NONE }
         })
         .to_vec()
 }

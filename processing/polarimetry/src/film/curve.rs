@@ -6,8 +6,39 @@
 //! coefficients define the curve.
 
 use crate::{Jones, JonesVector};
+use nacre_frames::RetarderCalibration;
 use num_complex::Complex;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
+
+/// Light of the display: linear polarization through a retarder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Source {
+    /// Direction of the display's polarization in rad.
+    pub panel: f64,
+    /// Azimuth of the retarder in rad.
+    pub axis: f64,
+    /// Retardance in rad.
+    pub retardance: f64,
+    /// Standard deviation of the retardance in rad, if it is calibrated.
+    pub sigma: Option<f64>,
+}
+
+impl Source {
+    /// An ideal quarter-wave retarder (2018 paper, section 5.1).
+    pub const IDEAL: Self = Self { panel: 0.0, axis: FRAC_PI_4, retardance: FRAC_PI_2, sigma: None };
+
+    /// The calibrated source.
+    pub fn of(calibration: &RetarderCalibration) -> Self {
+        let [panel, axis, retardance] =
+            [calibration.panel_deg, calibration.azimuth_deg, calibration.retardance_deg].map(f64::to_radians);
+        Self { panel, axis, retardance, sigma: Some(calibration.retardance_sigma_deg.to_radians()) }
+    }
+
+    /// Field behind the retarder, with this excess of retardance in rad.
+    pub fn light(&self, excess: f64) -> JonesVector {
+        Jones::retarder(self.axis, self.retardance + excess).apply(JonesVector::linear(self.panel))
+    }
+}
 
 /// Parameters of the curve: those of the 2018 paper, and effects that it neglects.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,9 +60,11 @@ pub struct Film {
     /// Relative decrease of the front reflection, compared with the light from below, over metal without a grating: a
     /// grating diffracts part of its light into other orders.
     pub shade: f64,
+    /// Light of the display, which is not fitted.
+    pub source: Source,
 }
 
-/// Number of parameters of [`Film`].
+/// Number of fitted parameters of [`Film`].
 pub const PARAMETERS: usize = 9;
 
 impl Film {
@@ -45,17 +78,19 @@ impl Film {
         source_error: 0.0,
         stray: 0.0,
         shade: 0.0,
+        source: Source::IDEAL,
     };
 
-    /// All parameters in the order of the fields.
+    /// All fitted parameters in the order of the fields.
     pub fn to_array(self) -> [f64; PARAMETERS] {
-        let Self { ln_r, zeta, retardance, axis, front, source_error, stray, shade } = self;
+        let Self { ln_r, zeta, retardance, axis, front, source_error, stray, shade, source: _ } = self;
         [ln_r, zeta, retardance, axis, front.re, front.im, source_error, stray, shade]
     }
 
-    /// The inverse of [`Film::to_array`].
+    /// The inverse of [`Film::to_array`], with an ideal source.
     pub fn from_array([ln_r, zeta, retardance, axis, re, im, source_error, stray, shade]: [f64; PARAMETERS]) -> Self {
-        Self { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, stray, shade }
+        let front = Complex::new(re, im);
+        Self { ln_r, zeta, retardance, axis, front, source_error, stray, shade, source: Source::IDEAL }
     }
 
     /// The equivalent film with ζ from 0 to 180°, a positive retardance and an axis from 0 to 180°. It uses the
@@ -84,9 +119,14 @@ impl Film {
         (small, 0.5 * (ratio - small), -0.5 * (ratio + small))
     }
 
+    /// Field of the display's light.
+    pub(crate) fn light(&self) -> JonesVector {
+        self.source.light(self.source_error)
+    }
+
     /// The curve.
     pub fn curve(&self) -> Curve {
-        let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + self.source_error).apply(JonesVector::linear(0.0));
+        let light = self.light();
         let film = Jones::retarder(self.axis, self.retardance);
         let (small, a, b) = self.amplitudes();
         let inside = film.apply(light);
@@ -99,7 +139,7 @@ impl Film {
 
     /// The curve with the point of metal without a grating under the same film, which corresponds to R = -1.
     pub fn curve_and_mirror(&self) -> Curve {
-        let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + self.source_error).apply(JonesVector::linear(0.0));
+        let light = self.light();
         let film = Jones::retarder(self.axis, self.retardance);
         let back =
             film.apply(film.apply(light)).scaled((-1.0).into()).plus(light.scaled(self.front * (1.0 - self.shade)));
@@ -135,6 +175,30 @@ impl Curve {
     pub(crate) fn with_mirror(self, field: JonesVector, stray: f64) -> Self {
         let s = field.stokes();
         Self { mirror: Some([s.s1, s.s2].map(|v| v / s.s0 * (1.0 - stray))), ..self }
+    }
+
+    /// The curve with the offset of orientations of a circle: the fundamental of S1/S0 + i S2/S0 over 2θ has the phase
+    /// 0. Samples of one grating then have one offset under all models and equivalent films.
+    pub(crate) fn in_phase(self) -> Self {
+        const POINTS: usize = 64;
+        let turn = |k: usize| Complex::from_polar(1.0, TAU * k as f64 / POINTS as f64);
+        let point = |k: usize| {
+            let [x, y] = self.at(PI * k as f64 / POINTS as f64);
+            Complex::new(x, y)
+        };
+        let fundamental: Complex<f64> = (0..POINTS).map(|k| point(k) * turn(k).conj()).sum();
+        let back: Complex<f64> = (0..POINTS).map(|k| point(k) * turn(k)).sum();
+        // A curve without a sense of rotation keeps its offset.
+        if fundamental.norm() <= back.norm() { self } else { self.turned(0.5 * fundamental.arg()) }
+    }
+
+    /// The curve at `theta - by` (rad).
+    fn turned(self, by: f64) -> Self {
+        let ((s, c), (s2, c2)) = ((2.0 * by).sin_cos(), (4.0 * by).sin_cos());
+        let row = |[mean, cos, sin, cos2, sin2]: [f64; 5]| {
+            [mean, c * cos - s * sin, s * cos + c * sin, c2 * cos2 - s2 * sin2, s2 * cos2 + c2 * sin2]
+        };
+        Self { stokes: self.stokes.map(row), ..self }
     }
 
     /// Adds a share of unpolarised light.
@@ -225,7 +289,7 @@ mod tests {
             ln_r in -9.0..9.0f64, zeta in -3.1..3.1f64, retardance in 0.0..1.5f64, axis in 0.0..3.1f64,
             re in -0.3..0.3f64, im in -0.3..0.3f64, source_error in -0.2..0.2f64, theta in 0.0..3.1f64,
         ) {
-            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, stray: 0.0, shade: 0.0 };
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, stray: 0.0, shade: 0.0, source: Source::IDEAL };
             let scene = Synthetic {
                 ratio: Complex::from_polar(ln_r.exp(), zeta), retardance, axis, front: film.front, source_error,
                 ..Synthetic::default()
@@ -253,17 +317,33 @@ mod tests {
         #[test]
         fn the_inverse_ratio_is_turned_by_90_degrees(ln_r in -1.0..1.0f64, zeta in -3.1..3.1f64, retardance in 0.0..0.5f64,
             axis in 0.0..3.1f64, theta in 0.0..3.1f64) {
-            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(0.0, 0.0), source_error: 0.0, stray: 0.0, shade: 0.0 };
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(0.0, 0.0), source_error: 0.0, stray: 0.0, shade: 0.0, source: Source::IDEAL };
             let other = Film { ln_r: -ln_r, zeta: -zeta, ..film };
             let (a, b) = (film.curve().at(theta), other.curve().at(theta + FRAC_PI_2));
             prop_assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9);
+            // Both have one curve in phase, under any source.
+            let source = Source { panel: 0.2, axis: 1.1, retardance: 1.4, sigma: None };
+            let [a, b] = [film, other].map(|f| Film { source, ..f }).map(|f| f.curve().in_phase().at(theta));
+            prop_assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9);
+        }
+
+        /// A curve near a circle has the circle's offset.
+        #[test]
+        fn curves_in_phase_have_the_offset_of_circles(zeta in 0.5..2.5f64, retardance in -0.01..0.01f64, theta in 0.0..3.1f64) {
+            let film = Film { ln_r: 0.1, zeta, retardance, axis: 0.4, ..Film::NONE };
+            let curve = film.curve().in_phase();
+            let mean = |of: fn([f64; 2]) -> f64| (0..64).map(|k| of(curve.at(PI * f64::from(k) / 64.0))).sum::<f64>() / 64.0;
+            let (x, y) = (mean(|p| p[0]), mean(|p| p[1]));
+            let [at_x, at_y] = curve.at(theta);
+            let off = (at_y - y).atan2(at_x - x) - 2.0 * theta;
+            prop_assert!(off.sin().abs() < 0.05 && off.cos() > 0.0, "{off}");
         }
 
         /// The reported film has the curve of the fitted one.
         #[test]
         fn the_canonical_film_has_the_same_curve(ln_r in -1.0..1.0f64, zeta in -9.0..9.0f64, retardance in -0.5..0.5f64,
             axis in -3.1..9.1f64, re in -0.3..0.3f64, im in -0.3..0.3f64, theta in 0.0..3.1f64) {
-            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error: 0.1, stray: 0.02, shade: 0.0 };
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error: 0.1, stray: 0.02, shade: 0.0, source: Source::IDEAL };
             let same = film.canonical();
             prop_assert!(same.retardance >= 0.0 && (0.0..=PI).contains(&same.zeta) && (0.0..=PI).contains(&same.axis));
             let turned = (film.zeta + PI).rem_euclid(TAU) < PI;

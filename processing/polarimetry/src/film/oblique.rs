@@ -8,7 +8,6 @@
 use crate::film::curve::{Curve, Film};
 pub use nacre_optics::polarization::{Jones, JonesVector, Material};
 use num_complex::Complex;
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 /// Coefficients of the film and the metal at an angle of incidence, relative to normal incidence, along (p) and across
 /// (s) the plane of incidence.
@@ -61,7 +60,7 @@ impl Incidence {
 /// The curve and the bare-metal point of a film at an angle of incidence; equal to [`Film::curve_and_mirror`] at the
 /// normal (2018 paper, Eq. 4-6, with Fresnel coefficients).
 pub fn curve_at(film: &Film, incidence: &Incidence) -> Curve {
-    let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + film.source_error).apply(JonesVector::linear(0.0));
+    let light = film.light();
     let retarder = Jones::retarder(film.axis, film.retardance / incidence.cos_inside);
     let through = incidence.element(incidence.through.map(Complex::from));
     let metal = incidence.element(incidence.metal);
@@ -92,6 +91,7 @@ mod tests {
         source_error: 0.02,
         stray: 0.01,
         shade: 0.0,
+        ..Film::NONE
     };
 
     /// At normal incidence there is no change, for any azimuth.

@@ -3,7 +3,7 @@
 
 use crate::angle_difference;
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
-use crate::film::curve::{Curve, Film, PARAMETERS};
+use crate::film::curve::{Curve, Film, PARAMETERS, Source};
 use crate::film::curve_fit::{Family, Fitted, Prior};
 use crate::film::evidence;
 use crate::film::max_likelihood::maximise_likelihood;
@@ -48,6 +48,20 @@ const WIDE_FRONT: Prior = Prior::Near(0.15);
 /// Largest absolute values: unmodelled effects must not be fitted by an extreme film, such as glass fibre behind a
 /// mirror.
 const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 1.65, f64::INFINITY, 0.6, 0.6, 0.1, 0.1, 1.0];
+
+/// Index of the excess retardance of the display's retarder, whose prior is narrower if it is calibrated.
+const SOURCE_ERROR: usize = 6;
+
+/// Prior of a parameter.
+fn prior_of(parameter: usize, source: &Source) -> Prior {
+    match source.sigma {
+        Some(sigma) if parameter == SOURCE_ERROR => Prior::Near(sigma.max(SMALLEST_SIGMA)),
+        _ => PRIORS[parameter],
+    }
+}
+
+/// Smallest standard deviation of a calibrated retardance in rad: narrower priors add nothing but rounding.
+const SMALLEST_SIGMA: f64 = 1e-4;
 
 /// Index of the film's retardance.
 const RETARDANCE: usize = 2;
@@ -104,8 +118,9 @@ const MIRRORS_IN_VIEW: f64 = 1.2;
 /// [`SAMPLE`] points.
 pub(crate) const ENOUGH: f64 = 1.05;
 
-/// Fits the curve with four to eight free parameters, and with bare metal where that fits better.
-pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) -> Vec<Candidate> {
+/// Fits the curve under the display's light with four to eight free parameters, and with bare metal where that fits
+/// better.
+pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>, source: Source) -> Vec<Candidate> {
     let of = |count| thinned(points, count);
     let samples = Samples {
         first: of(FIRST_SAMPLE),
@@ -113,6 +128,7 @@ pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
         last: of(SAMPLE),
         enough: ENOUGH,
         score: likelihood,
+        source,
     };
     let begun = match begin {
         Begin::Anywhere => starts(&samples.first, circle, STARTS),
@@ -133,16 +149,22 @@ pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
         films.extend(begun);
         films.extend(nearest(&means, STARTS));
     }
-    let of_means =
-        Samples { first: means.clone(), second: means.clone(), last: means.clone(), enough: 0.0, score: |_, f| f.cost };
+    let of_means = Samples {
+        first: means.clone(),
+        second: means.clone(),
+        last: means.clone(),
+        enough: 0.0,
+        score: |_, f| f.cost,
+        source,
+    };
     let found = of_means.search_all(sets, films);
     // A minimum for fewer or more parameters is a good start for another set.
     let films = found.films();
     let polarized = 0.5 * (circle.at(0.0)[0] - circle.at(FRAC_PI_2)[0]).abs() > POLARIZED;
-    let mut all = if polarized { finish(&POLARIZER, &films, &means, points) } else { vec![] };
+    let mut all = if polarized { finish(&POLARIZER, &films, &means, (points, source)) } else { vec![] };
     let polarizer = all.first().and_then(|c| c.film);
     all.extend(polarizer.into_iter().flat_map(|film| along_valley(&film, &means, points)));
-    all.extend(sets.iter().flat_map(|set| finish(set, &films, &means, points)));
+    all.extend(sets.iter().flat_map(|set| finish(set, &films, &means, (points, source))));
     all
 }
 
@@ -151,12 +173,12 @@ pub(crate) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
 fn along_valley(polarizer: &Film, means: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
     let at = |ln_r: &f64| {
         let start = |k: u32| Film { zeta: FRAC_PI_4 * f64::from(k), ..*polarizer };
-        let film = with_family_of(&HELD, *ln_r, |family, film| {
+        let film = with_family_of(&HELD, polarizer.source, *ln_r, |family, film| {
             let fits = (0..8).filter_map(|k| family.fit(means, &free_parameters(HELD.0, &start(k)), 30));
             fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).map(|fit| film(&fit.parameters))
         })?;
         let set = &SETS[0];
-        with_family(set, |family, _| {
+        with_family(set, polarizer.source, |family, _| {
             Some(candidate(set, family, &family.at(points, free_parameters(set.0, &film))?, film, points))
         })
     };
@@ -165,7 +187,7 @@ fn along_valley(polarizer: &Film, means: &[CloudPoint], points: &[CloudPoint]) -
 
 /// Sums of all points about a film's curve, after it is fitted to them.
 fn means_about(set: &Set, film: &Film, points: &[CloudPoint]) -> Option<Vec<CloudPoint>> {
-    let fitted = with_family(set, |family, _| family.fit(points, &free_parameters(set.0, film), 10))?;
+    let fitted = with_family(set, film.source, |family, _| family.fit(points, &free_parameters(set.0, film), 10))?;
     Some(segment_means(points, &fitted.curve))
 }
 
@@ -193,6 +215,8 @@ struct Samples {
     /// Scatter variance relative to the noise below which no more parameters are needed.
     enough: f64,
     score: fn(&[CloudPoint], &Fitted) -> f64,
+    /// Light of the display.
+    source: Source,
 }
 
 impl Samples {
@@ -225,7 +249,7 @@ impl Samples {
     fn search(&self, set: &Set, begun: &[Film]) -> Vec<(f64, f64, Film)> {
         let free = set.0;
         let score = self.score;
-        with_family(set, |family, film| {
+        with_family(set, self.source, |family, film| {
             let fits = begun.par_iter().filter_map(|start| family.fit(&self.first, &free_parameters(free, start), 8));
             let mut first = best_first(fits, |f| score(&self.first, f));
             first.truncate(SECOND_STARTS);
@@ -245,9 +269,14 @@ pub(crate) fn alike(a: &Curve, b: &Curve) -> bool {
 
 /// Candidates of a set from the most promising films: the best one, and others with an equal fit but other
 /// orientations.
-fn finish(set: &Set, films: &[Film], means: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
+fn finish(
+    set: &Set,
+    films: &[Film],
+    means: &[CloudPoint],
+    (points, source): (&[CloudPoint], Source),
+) -> Vec<Candidate> {
     let free = set.0;
-    with_family(set, |family, film| {
+    with_family(set, source, |family, film| {
         let fits = films.par_iter().filter_map(|start| family.fit(means, &free_parameters(free, start), 60));
         let near = distinct(best_first(fits, |f| f.cost));
         let fits = near.par_iter().take(2).filter_map(|f| family.fit(points, &f.parameters, 10));
@@ -267,7 +296,7 @@ fn candidate(set: &Set, family: &Family<'_>, fit: &Fitted, film: Film, points: &
         model: Model::Curve,
         extended: set.1,
         parameters: set.0.len() + usize::from(mirrors(set)),
-        curve: fit.curve,
+        curve: fit.curve.in_phase(),
         center: None,
         prior: fit.prior,
         information_gain: Some(family.information_gain(fit, widened)),
@@ -295,7 +324,7 @@ fn set_of(like: &Candidate) -> Option<&'static Set> {
 pub(crate) fn refitted(like: &Candidate, points: &[CloudPoint]) -> Option<Candidate> {
     let Some(film) = like.film else { return candidates(points).into_iter().find(|c| c.model == like.model) };
     let set = set_of(like)?;
-    with_family(set, |family, of| {
+    with_family(set, film.source, |family, of| {
         let fit = family.fit(points, &free_parameters(set.0, &film), 30)?;
         Some(candidate(set, family, &fit, of(&fit.parameters), points))
     })
@@ -305,7 +334,7 @@ pub(crate) fn refitted(like: &Candidate, points: &[CloudPoint]) -> Option<Candid
 /// the noise reference of the candidate, since the variances of these points may already be widened.
 pub(crate) fn with_max_likelihood(like: &Candidate, start: Film, points: &[CloudPoint]) -> Option<Candidate> {
     let set = set_of(like)?;
-    with_family(set, |family, film| {
+    with_family(set, start.source, |family, film| {
         let fit = maximise_likelihood(family, &family.at(points, free_parameters(set.0, &start))?, points);
         let found = candidate(set, family, &fit, film(&fit.parameters), points);
         Some(Candidate { widened: like.widened, ..found })
@@ -341,12 +370,21 @@ fn mirrors(set: &Set) -> bool {
 }
 
 /// Calls `work` with the family of films whose other parameters are 0, and with the map from parameters to films.
-fn with_family<T>(set: &Set, work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T) -> T {
-    with_family_of(set, if set.1 == POLARIZER.1 { LIMITS[0] } else { 0.0 }, work)
+fn with_family<T>(
+    set: &Set,
+    source: Source,
+    work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T,
+) -> T {
+    with_family_of(set, source, if set.1 == POLARIZER.1 { LIMITS[0] } else { 0.0 }, work)
 }
 
 /// As [`with_family`], with a fixed ln r where it is no parameter.
-fn with_family_of<T>(set: &Set, ln_r: f64, work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T) -> T {
+fn with_family_of<T>(
+    set: &Set,
+    source: Source,
+    ln_r: f64,
+    work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T,
+) -> T {
     let (free, mirrors) = (set.0, mirrors(set));
     let film = |p: &[f64]| {
         let mut all = [0.0; PARAMETERS];
@@ -354,9 +392,9 @@ fn with_family_of<T>(set: &Set, ln_r: f64, work: impl FnOnce(&Family<'_>, &(dyn 
         for (k, value) in free.iter().zip(p) {
             all[*k] = *value;
         }
-        Film::from_array(all)
+        Film { source, ..Film::from_array(all) }
     };
-    let priors: Vec<Prior> = free.iter().map(|k| PRIORS[*k]).collect();
+    let priors: Vec<Prior> = free.iter().map(|k| prior_of(*k, &source)).collect();
     let limits: Vec<f64> = free.iter().map(|k| LIMITS[*k]).collect();
     let curve = |p: &[f64]| if mirrors { film(p).curve_and_mirror() } else { film(p).curve() };
     work(&Family { curve: &curve, priors: &priors, limits: &limits }, &film)

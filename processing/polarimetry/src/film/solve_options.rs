@@ -2,6 +2,7 @@
 
 use crate::Model;
 use crate::film::camera_position::{CameraPosition, Oblique};
+use crate::film::curve::Source;
 use nacre_optics::polarization::Material;
 
 /// Model, corrections and sample size of a solution.
@@ -16,6 +17,8 @@ pub struct SolveOptions {
     pub oblique: Oblique,
     /// Standard deviation of the analyser-angle errors in rad, if known.
     pub angle_sigma: f64,
+    /// Light of the display.
+    pub source: Source,
     /// Number of pixels for fits and comparison of models.
     pub pixels: usize,
 }
@@ -23,7 +26,15 @@ pub struct SolveOptions {
 impl SolveOptions {
     /// Default options with this model.
     pub fn of(model: Model) -> Self {
-        Self { model, offset: 0.0, camera: None, oblique: Oblique::Off, angle_sigma: 0.0, pixels: SAMPLE_PIXELS }
+        Self {
+            model,
+            offset: 0.0,
+            camera: None,
+            oblique: Oblique::Off,
+            angle_sigma: 0.0,
+            source: Source::IDEAL,
+            pixels: SAMPLE_PIXELS,
+        }
     }
 }
 

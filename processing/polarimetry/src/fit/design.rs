@@ -56,6 +56,15 @@ impl Design {
         }
     }
 
+    /// The design of an analyser with a contrast below 1, `[1, K cos 2ψ, K sin 2ψ]`.
+    pub(crate) fn with_contrast(mut self, contrast: f64) -> Self {
+        let scale = Vector3::new(1.0, contrast, contrast);
+        self.rows.iter_mut().for_each(|row| *row = row.component_mul(&scale));
+        let inverse = Matrix3::from_diagonal(&scale.map(|s| 1.0 / s));
+        self.inverse = inverse * self.inverse * inverse;
+        self
+    }
+
     /// Number of frames.
     pub fn frames(&self) -> usize {
         self.rows.len()
@@ -93,6 +102,13 @@ mod tests {
 
     fn degrees(angles: &[f64]) -> Result<Design> {
         Design::new(&angles.iter().map(|a| a.to_radians()).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn contrast_scales_the_inverse_like_the_rows() {
+        let design = degrees(&[0.0, 30.0, 70.0, 110.0, 160.0]).unwrap().with_contrast(0.8);
+        let normal: Matrix3<f64> = design.rows.iter().map(|x| x * x.transpose()).sum();
+        assert!((normal * design.inverse - Matrix3::identity()).norm() < 1e-12);
     }
 
     #[test]

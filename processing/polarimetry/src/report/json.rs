@@ -9,7 +9,7 @@ use crate::{
     Alignment, CircleCheck, Demosaic, Design, ErrorReport, FrameNoise, Illumination, Model, ModelReport, NoiseSource,
     ObliqueReport, Options, PeriodReport, RepeatsReport, Smoothing,
 };
-use nacre_frames::{Channel, LoadedFrames};
+use nacre_frames::{Calibration, Channel, LoadedFrames};
 use nacre_image::Palette;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -66,6 +66,13 @@ pub struct Report {
     pub palette: Palette,
     /// Offset added to all orientations in degrees. The method determines orientations only up to a common offset.
     pub offset_deg: f64,
+    /// Expected error of a typical absolute orientation, with that of the calibrated offset. `None` if the offset is not
+    /// calibrated: orientations are then relative.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub absolute_error_deg: Option<f64>,
+    /// Calibration of the bench that was applied.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Calibration>,
     /// Analyser-angle error of each position in degrees, with zero mean: estimated from residuals and corrected. `None`
     /// if a correction is not worthwhile or the errors are unobservable.
     pub analyser_errors_deg: Option<Vec<f64>>,
@@ -233,7 +240,9 @@ impl Report {
             period: None,
             oblique: solved.oblique.clone(),
             palette: options.palette,
-            offset_deg: options.offset_deg,
+            offset_deg: options.offset_for(frames),
+            absolute_error_deg: None,
+            calibration: set.calibration.clone(),
             analyser_errors_deg: None,
             analyser_deg: match set.filters() {
                 Some(filters) => filters.angles.repeat(set.frames.len()),
@@ -251,10 +260,33 @@ impl Report {
         self.error_estimate_deg = self.error.total_deg;
     }
 
+    /// Adds the error of a calibrated offset, and warns if it belongs to another model.
+    pub(crate) fn with_offset(&mut self, options: &Options) {
+        let calibrated = self.calibration.as_ref().and_then(|c| c.orientation.as_ref());
+        let Some(offset) = calibrated.filter(|_| options.offset_deg.is_none() && self.model != Model::Plain.word())
+        else {
+            return;
+        };
+        if is_curve(&offset.model) == is_curve(&self.model) {
+            self.absolute_error_deg = self.error_estimate_deg.map(|error| error.hypot(offset.sigma_deg));
+        } else {
+            self.warnings.push(format!(
+                "the offset of orientations was calibrated with the model {}, and this is {}: absolute orientations may be \
+                 wrong by a degree or more; reconstruct both with --model curve",
+                offset.model, self.model
+            ));
+        }
+    }
+
     /// Sets wall times in seconds: of reading and fitting, until the solution, and until everything was written.
     pub(crate) fn took(&mut self, read_and_fit: f64, solve: f64, written: f64) {
         self.seconds = Seconds { read_and_fit, solve, write: written - solve, total: read_and_fit + written };
     }
+}
+
+/// Whether a model's name is that of a curve, whose harmonics distinguish its offset from that of a circle.
+fn is_curve(model: &str) -> bool {
+    model.starts_with(Model::Curve.word())
 }
 
 /// Reason for plain polarimetry as the default under this light, with a suggestion of grating models if the points look

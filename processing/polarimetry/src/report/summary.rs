@@ -2,6 +2,7 @@
 
 use crate::{AngleSource, Demosaic, ErrorReport, Model, PeriodReport, Report, SensorReport};
 use nacre_base::operation::{Summary, lines};
+use nacre_frames::Calibration;
 use std::fmt::Write;
 
 impl Summary for Report {
@@ -36,6 +37,9 @@ impl Summary for Report {
             let _ = writeln!(text, "estimate  expected error of a typical pixel: {estimate:.3}° (all known terms)");
         }
         let _ = writeln!(text, "error     {}", terms(&self.error));
+        if let Some(calibration) = &self.calibration {
+            let _ = writeln!(text, "calibr.   {}", applied(calibration, self.absolute_error_deg));
+        }
         if let Some(repeats) = &self.repeats {
             let _ = writeln!(
                 text,
@@ -100,4 +104,23 @@ fn periods(period: &PeriodReport) -> String {
     let kind = if period.heuristic { "heuristic, from brightness" } else { "from contrast, for the assumed surface" };
     let sigma = period.sigma_median_um.map_or(String::new(), |s| format!(" ± {s:.4} µm from noise"));
     format!("median {median:.3} µm{sigma} ({kind}); {} pixels have none", period.ambiguous)
+}
+
+/// Sentence about the calibrations that were applied.
+fn applied(calibration: &Calibration, absolute_deg: Option<f64>) -> String {
+    let mut parts = vec![];
+    if let Some(a) = &calibration.analyser {
+        parts.push(format!("analyser (zero {:.3}° ± {:.3}°)", a.zero_deg, a.zero_sigma_deg));
+    }
+    if let Some(r) = &calibration.retarder {
+        parts.push(format!("retarder ({:.2}° at {:.2}°)", r.retardance_deg, r.azimuth_deg));
+    }
+    for (name, given) in [("camera", calibration.camera.is_some()), ("flat field", calibration.flat.is_some())] {
+        parts.extend(given.then(|| name.to_owned()));
+    }
+    if let Some(o) = &calibration.orientation {
+        parts.push(format!("offset ({:.3}° ± {:.3}°)", o.offset_deg, o.sigma_deg));
+    }
+    let absolute = absolute_deg.map_or(String::new(), |deg| format!("; error of absolute orientations: {deg:.3}°"));
+    if parts.is_empty() { "none".into() } else { format!("{}{absolute}", parts.join(", ")) }
 }

@@ -2,13 +2,14 @@
 //! smoothing, report, output.
 
 use super::Running;
-use super::light::{Photographed, check_light, divide_by_flat, noise_of};
+use super::light::{Photographed, check_light, divide_by_flat, noise_of, restore_contrast};
 use super::moved::correct_analyser_angles;
 use crate::angles::aligned::{AngleErrors, correlated};
 use crate::angles::repeats::{compare_halves, pairs};
 use crate::angles::sample::Sample;
 use crate::angles::{duplicates, layout};
 use crate::film::camera_position::CameraPosition;
+use crate::film::curve::Source;
 use crate::fit::demosaic::Demosaic;
 use crate::fit::views::View;
 use crate::orientation::polarizers::PolarizerPositions;
@@ -93,6 +94,7 @@ impl Running {
             shifts: shifts(alignment.as_ref()),
         };
         let noise = noise_of(&taken, &mut maps, &design);
+        let design = restore_contrast(&mut maps, design, frames.set.analyser_contrast());
         let corrected = angle_errors.as_ref().and_then(AngleErrors::corrected);
         let angles = corrected.map_or_else(|| Angles::of(&frames, &sample, &views), Angles::corrected);
         let fitted = Fitted {
@@ -164,11 +166,13 @@ impl Fitted {
         let size = [frames.info.width, frames.info.height];
         let camera =
             frames.set.geometry.and_then(|g| CameraPosition::new(&g, size, views.first().map_or(1, |v| v.step)));
+        let retarder = frames.set.calibration.as_ref().and_then(|c| c.retarder.as_ref());
         SolveOptions {
-            offset: options.offset_deg.to_radians(),
+            offset: options.offset_for(frames).to_radians(),
             camera: camera.map(|camera| (camera, frames.set.material.unwrap_or_default())),
             oblique: options.oblique,
             angle_sigma: angles.sigma.unwrap_or(0.0),
+            source: retarder.map_or(Source::IDEAL, Source::of),
             ..SolveOptions::of(model)
         }
     }
@@ -200,6 +204,7 @@ impl Fitted {
         report.warnings.extend(angle_errors.iter().flat_map(|errors| errors.warnings(frames, brackets, views)));
         report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
         report.with(systematic(sample, views, noise, solved.choice.as_ref(), alignment.as_ref(), angles));
+        report.with_offset(options.0);
         report.warnings.extend(alignment.iter().filter_map(Alignment::warning));
         report.registration.clone_from(alignment);
         let repeats = compare_halves(sample, &pairs(frames, views, sample.views()), views, noise);

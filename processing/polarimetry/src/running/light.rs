@@ -103,6 +103,24 @@ fn noise_of_images(taken: &Photographed, maps: &mut StokesMaps, design: &Design)
     }
 }
 
+/// Divides S1 and S2 by the contrast of the analyser, and returns the design of the corrected parameters: an analyser
+/// of finite extinction transmits `(1 + K cos 2(ψ - α)) / 2` of light polarized along α.
+pub(super) fn restore_contrast(maps: &mut StokesMaps, design: Design, contrast: f64) -> Design {
+    if contrast == 1.0 {
+        return design;
+    }
+    let gain = (1.0 / contrast) as f32;
+    for plane in [&mut maps.s1, &mut maps.s2] {
+        plane.iter_mut().for_each(|v| *v *= gain);
+    }
+    // Upper triangle of the covariance of (S0, S1, S2).
+    let factors = [1.0, gain, gain, gain * gain, gain * gain, gain * gain];
+    for covariance in &mut maps.covariance {
+        covariance.iter_mut().zip(factors).for_each(|(v, f)| *v *= f);
+    }
+    design.with_contrast(contrast)
+}
+
 /// Corrects illumination and vignetting: a common factor per pixel (per super-pixel of a sensor), on which no
 /// orientation depends.
 pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {

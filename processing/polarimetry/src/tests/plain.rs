@@ -139,7 +139,7 @@ fn options_of_gratings_are_refused() {
     uniform(folder.path(), &Options::default());
     let none = Options::default;
     for (options, named) in [
-        (Options { offset_deg: 3.0, ..none() }, "--offset-deg"),
+        (Options { offset_deg: Some(3.0), ..none() }, "--offset-deg"),
         (Options { oblique: Oblique::Auto, ..none() }, "--oblique"),
         (Options { smooth_maps: true, ..none() }, "--smooth-maps"),
         (Options { smoothed_exr: true, model: Some(Model::Plain), ..none() }, "--smoothed-exr"),
@@ -148,6 +148,6 @@ fn options_of_gratings_are_refused() {
         assert!(refused.to_string().contains(named), "{refused}");
         assert!(!folder.path().join("bad").exists());
     }
-    let auto = Options { offset_deg: 3.0, model: Some(Model::Auto), smooth: Smoothing::NONE, ..none() };
+    let auto = Options { offset_deg: Some(3.0), model: Some(Model::Auto), smooth: Smoothing::NONE, ..none() };
     reconstruct(folder.path(), &folder.path().join("good"), &auto, &Silent).unwrap();
 }

@@ -66,6 +66,11 @@ impl Default for CameraConfig {
             vignetting: 0.2,
             aperture_mm: 12.0,
             subsamples: 2,
+            dark_e_s: 0.0,
+            dsnu_e: 0.0,
+            prnu: 0.0,
+            bad_pixels: 0.0,
+            response_loss: 0.0,
         }
     }
 }
@@ -79,6 +84,10 @@ impl Default for StageConfig {
             repeatability_deg: 0.01,
             limits_deg: [-360.0, 720.0],
             extinction_ratio: 1e4,
+            zero_deg: 0.0,
+            clockwise: false,
+            eccentricity_deg: 0.0,
+            eccentricity_at_deg: 0.0,
         }
     }
 }

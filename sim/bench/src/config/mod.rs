@@ -17,6 +17,9 @@ pub struct BenchConfig {
     pub version: Version<1>,
     /// Seed of all random numbers: sample, defects, noise.
     pub seed: u64,
+    /// Seed of the noise of photographs; by default that of the bench, on which the properties of its pixels depend.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_seed: Option<u64>,
     /// The sample on the table.
     pub sample: SampleConfig,
     /// Effect of the grating on polarization.
@@ -240,6 +243,16 @@ pub struct CameraConfig {
     pub aperture_mm: f64,
     /// Rays per pixel along each axis. Pixels that show one surface get two.
     pub subsamples: u32,
+    /// Dark current in electrons per second.
+    pub dark_e_s: f64,
+    /// Differences of darkness between pixels in electrons (standard deviation).
+    pub dsnu_e: f64,
+    /// Differences of sensitivity between pixels, as a share (standard deviation).
+    pub prnu: f64,
+    /// Share of pixels without sensitivity or with a dark current of half the full well per second.
+    pub bad_pixels: f64,
+    /// Loss of response at full well, as a share: electrons e are read as e (1 - loss · e / well).
+    pub response_loss: f64,
 }
 
 /// The analyser: a slightly wedged plate, which shifts the image.
@@ -268,6 +281,14 @@ pub struct StageConfig {
     pub limits_deg: [f64; 2],
     /// Extinction ratio: transmission through parallel over crossed polarizers.
     pub extinction_ratio: f64,
+    /// Transmission axis at the stage's zero in degrees, anticlockwise from the right of the image.
+    pub zero_deg: f64,
+    /// True if the analyser turns clockwise, as seen by the camera, with increasing angles of the stage.
+    pub clockwise: bool,
+    /// Amplitude in degrees of the periodic angle error of an eccentric scale.
+    pub eccentricity_deg: f64,
+    /// Angle of the stage in degrees at which that error is zero and increases.
+    pub eccentricity_at_deg: f64,
 }
 
 /// Distances.

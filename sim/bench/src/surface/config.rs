@@ -75,10 +75,18 @@ pub enum SampleKind {
     Stochastic,
     /// Independent polygons with random orientations, and periods from the sample's to 2.5 times that.
     Mosaic,
+    /// Reference for calibration: a grating of one orientation, with its vector along `turn_deg`.
+    Ruled,
+    /// Reference for calibration: a front-surface aluminium mirror.
+    Mirror,
+    /// Reference for calibration: a linear polarizer on a front-surface mirror, with its axis along `turn_deg`.
+    Polarizer,
+    /// Reference for calibration: white paper, which scatters and depolarises.
+    Paper,
 }
 
 impl SampleKind {
-    /// All kinds.
+    /// All samples with patterns.
     pub const ALL: [Self; 10] = [
         Self::Kinematic,
         Self::Stars,
@@ -91,6 +99,9 @@ impl SampleKind {
         Self::Stochastic,
         Self::Mosaic,
     ];
+
+    /// All references for calibration, whose reflectance is uniform.
+    pub const REFERENCES: [Self; 4] = [Self::Ruled, Self::Mirror, Self::Polarizer, Self::Paper];
 
     /// Name in files and options.
     pub fn name(self) -> &'static str {
@@ -105,6 +116,10 @@ impl SampleKind {
             Self::Cd => "cd",
             Self::Stochastic => "stochastic",
             Self::Mosaic => "mosaic",
+            Self::Ruled => "ruled",
+            Self::Mirror => "mirror",
+            Self::Polarizer => "polarizer",
+            Self::Paper => "paper",
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Defects of real samples: uneven reflectance, dead and mixed dots, bumps, scratches.
 
-use super::{Point, SampleConfig, Surface};
+use super::{Point, SampleConfig, SampleKind, Surface};
 use crate::random::{hash, key, normals, uniform};
 
 /// Largest reflectance.
@@ -65,7 +65,8 @@ impl Defects {
                 Scratch { point: [at(5), at(6)], normal: [cos, sin], half_width: 0.01 + 0.02 * random(7, i) }
             })
             .collect();
-        let variation = config.reflectance_variation;
+        let uniform = SampleKind::REFERENCES.contains(&config.kind);
+        let variation = if uniform { 0.0 } else { config.reflectance_variation };
         let phases = normals(key(&[seed, 9]));
         Self { seed, dead: config.dead_dots, mixed: config.mixed_dots, variation, phases, waves, scratches, size }
     }

@@ -54,8 +54,13 @@ pub enum Surface {
         /// Peak-to-peak depth in µm.
         depth_um: f32,
     },
-    /// Metal without a grating.
+    /// Metal without a grating, under the film.
     Mirror,
+    /// Metal without film, behind a linear polarizer if there is an axis (rad, anticlockwise from x).
+    Bare {
+        /// Transmission axis of the polarizer.
+        polarizer: Option<f32>,
+    },
     /// Paper or plastic: scatters and depolarises.
     Diffuse,
     /// No reflection.
@@ -74,6 +79,10 @@ enum Ideal {
     /// Orientation (rad, any range) and period relative to the sample's.
     Grating(f64, f64),
     Mirror,
+    /// Metal without film, with or without a polarizer whose axis is horizontal.
+    Bare {
+        polarized: bool,
+    },
     Diffuse,
     Nothing,
 }
@@ -100,6 +109,10 @@ impl Sample {
             SampleKind::Cd => Box::new(discs::Cd { half }),
             SampleKind::Mosaic => Box::new(polygons::Mosaic::new(half, seed)),
             SampleKind::Stochastic => Box::new(patterns::Stochastic { square: config.cell_mm(), seed }),
+            SampleKind::Ruled => Box::new(patterns::Uniform(Ideal::Grating(0.0, 1.0))),
+            SampleKind::Mirror => Box::new(patterns::Uniform(Ideal::Bare { polarized: false })),
+            SampleKind::Polarizer => Box::new(patterns::Uniform(Ideal::Bare { polarized: true })),
+            SampleKind::Paper => Box::new(patterns::Uniform(Ideal::Diffuse)),
         };
         Self { pattern, defects: Defects::new(config, seed), config: config.clone() }
     }
@@ -115,8 +128,10 @@ impl Sample {
         let mut point = self.on_sheet(u, v);
         if self.config.turn_deg != 0.0 {
             let turn = self.config.turn_deg.to_radians();
-            if let Surface::Grating { orientation, .. } = &mut point.surface {
-                *orientation = fold(f64::from(*orientation) + turn);
+            if let Surface::Grating { orientation: axis, .. } | Surface::Bare { polarizer: Some(axis) } =
+                &mut point.surface
+            {
+                *axis = fold(f64::from(*axis) + turn);
             }
             let ([a, b], (sin, cos)) = (point.slope, (turn as f32).sin_cos());
             point.slope = [a * cos - b * sin, a * sin + b * cos];
@@ -142,6 +157,7 @@ impl Sample {
                 })
             }
             Ideal::Mirror => Surface::Mirror,
+            Ideal::Bare { polarized } => Surface::Bare { polarizer: polarized.then_some(0.0) },
             Ideal::Diffuse => Surface::Diffuse,
             Ideal::Nothing => Surface::Nothing,
         };
@@ -225,6 +241,16 @@ mod tests {
             };
             let wanted = 0.8 + 0.8 * f64::from(orientation) / PI;
             assert!((f64::from(period_um) / wanted - 1.0).abs() < 0.03, "{orientation} {period_um}");
+        }
+    }
+
+    #[test]
+    fn references_are_uniform() {
+        for kind in SampleKind::REFERENCES {
+            let s = sample(kind);
+            let first = s.at(0.0, 0.0);
+            assert!(first.reflectance > 0.5);
+            assert!((0..400).all(|k| s.at(f64::from(k % 20) - 10.0, f64::from(k / 20) - 10.0) == first), "{kind:?}");
         }
     }
 

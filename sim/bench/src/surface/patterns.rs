@@ -4,6 +4,15 @@ use super::{Ideal, Pattern};
 use crate::random::{hash, key, uniform};
 use std::f64::consts::PI;
 
+/// The same surface everywhere.
+pub(super) struct Uniform(pub(super) Ideal);
+
+impl Pattern for Uniform {
+    fn at(&self, _: f64, _: f64) -> Ideal {
+        self.0
+    }
+}
+
 /// A currency emblem: an oval medallion on paper (2018 paper, Fig. 19). It has near-horizontal bands of different
 /// orientations at the top, a crown in the middle, and fine concentric rings of longer periods.
 pub(super) struct Emblem {

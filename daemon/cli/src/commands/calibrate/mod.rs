@@ -16,7 +16,15 @@ pub enum Calibrate {
     /// Measure camera, sample, panel, light and wavelength; writes a geometry.json.
     Geometry(Box<geometry::Geometry>),
     /// Measure gain, noise, full well and bad pixels of a camera.
-    Camera(Whole<nacre_calibrate::Options>),
+    Camera(Whole<nacre_calibrate::camera::Options>),
+    /// Measure the unevenness of light and lens (flat field).
+    Flat(Whole<nacre_calibrate::flat::Options>),
+    /// Measure zero, sense, extinction and eccentricity of the analyser.
+    Analyser(Whole<nacre_calibrate::analyser::Options>),
+    /// Measure azimuth and retardance of the panel's retarder.
+    Retarder(Whole<nacre_calibrate::retarder::Options>),
+    /// Measure the offset of orientations on a sample of known orientation.
+    Orientation(Whole<nacre_calibrate::orientation::Options>),
     /// Draw a chessboard to print or to show on the panel.
     Board(board::BoardPicture),
     /// Measure the panel's tone curve with the camera, and check that patterns appear when reported.
@@ -28,6 +36,10 @@ pub fn run(command: &Calibrate, console: &Console) -> Result<(), Failure> {
     match command {
         Calibrate::Geometry(args) => args.run(console),
         Calibrate::Camera(args) => args.run(console),
+        Calibrate::Flat(args) => args.run(console),
+        Calibrate::Analyser(args) => args.run(console),
+        Calibrate::Retarder(args) => args.run(console),
+        Calibrate::Orientation(args) => args.run(console),
         Calibrate::Board(args) => args.run(console),
         Calibrate::Panel(args) => args.run(console),
     }
