@@ -1,9 +1,9 @@
 //! Reading and validation of `frames.json`, which may come from any source and is not trusted.
 
-use super::stated::Stated;
 use super::{
     Calibration, Channel, Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, Layout, SESSION_FILE, Spot, Transfer,
 };
+use super::{linear::is_relative, stated::Stated};
 use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
 use nacre_image::{Info, Raster, Samples, details, read};
@@ -298,6 +298,9 @@ fn check_files(path: &Path, folder: &Path, set: &FrameSet) -> Result<(Info, Stat
         let file = inside(path, folder, &key, name)?;
         let details = details(&file)?;
         let found = details.info;
+        if key == "flat" && common.as_ref().is_some_and(|(_, wanted)| is_relative(found, *wanted)) {
+            continue;
+        }
         stated.add(file.clone(), details);
         match &common {
             None => common = Some((file, found)),
