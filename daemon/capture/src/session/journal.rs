@@ -302,8 +302,10 @@ impl Journal {
 
     /// Number of frames of the session: as far as known, and at most.
     pub fn planned(&self, plan: &Plan) -> [usize; 2] {
-        let known = plan.steps_with(&self.chosen()).len();
-        let open = plan.is_open() && self.ended().is_none() && !self.finished();
+        let chosen = self.chosen();
+        let known = plan.steps_with(&chosen).len();
+        let open = plan.is_open() && self.ended().is_none() || plan.awaits_crossed(&chosen);
+        let open = open && !self.finished();
         [known, if open { plan.most_steps().len() } else { known }]
     }
 
