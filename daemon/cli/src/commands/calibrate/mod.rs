@@ -5,6 +5,7 @@ mod geometry;
 mod highlight;
 mod panel;
 
+use super::calibrations::Keep;
 use super::derived::Whole;
 use crate::console::Console;
 use clap::Subcommand;
@@ -17,6 +18,8 @@ pub enum Calibrate {
     Geometry(Box<geometry::Geometry>),
     /// Measure gain, noise, full well and bad pixels of a camera.
     Camera(Whole<nacre_calibrate::Options>),
+    /// Store a calibration in a data folder, where sessions find it.
+    Keep(Keep),
     /// Draw a chessboard to print or to show on the panel.
     Board(board::BoardPicture),
     /// Measure the panel's tone curve with the camera, and check that patterns appear when reported.
@@ -28,6 +31,7 @@ pub fn run(command: &Calibrate, console: &Console) -> Result<(), Failure> {
     match command {
         Calibrate::Geometry(args) => args.run(console),
         Calibrate::Camera(args) => args.run(console),
+        Calibrate::Keep(args) => args.run(console),
         Calibrate::Board(args) => args.run(console),
         Calibrate::Panel(args) => args.run(console),
     }
