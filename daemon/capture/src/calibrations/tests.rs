@@ -155,6 +155,41 @@ fn calibrations_of_another_bench_are_named() {
 }
 
 #[test]
+fn a_session_is_kept_once_with_its_conditions() {
+    let place = Place::new();
+    let folder = place.folder.path().join("s7");
+    let mut plan = "kind = \"calibration\"\nname = \"lens A\"\ncalibration = { of = \"flat\" }".to_owned();
+    plan += "\ncamera = { gain = 2, roi = [8, 4, 64, 48] }";
+    let [stage, camera, display] = [CalibrationKind::Analyser, CalibrationKind::Camera, CalibrationKind::Retarder]
+        .map(|kind| present().devices(kind).remove(0));
+    let session = SessionFile {
+        version: Version,
+        software: "test".into(),
+        created: NOW,
+        plan: toml::from_str(&plan).unwrap(),
+        devices: vec![stage, camera, display],
+        exposure_s: 0.02,
+        setup: Setup { wavelength_nm: Some(550.0), ..Setup::default() },
+        bench: None,
+        section: None,
+        mounting: None,
+        calibration: None,
+        warnings: vec![],
+    };
+    results(&folder.join(RESULTS), &values(CalibrationKind::Flat));
+    let calibrations = &place.choice.calibrations;
+    assert!(calibrations.keep_session(&folder).is_err());
+    fs::write(folder.join(crate::session::SESSION_FILE), json!(session).to_string()).unwrap();
+    let kept = calibrations.keep_session(&folder).unwrap();
+    assert_eq!(calibrations.keep_session(&folder).unwrap(), kept);
+    assert_eq!((calibrations.entries().len(), kept.name.as_str(), kept.taken), (1, "lens A", NOW));
+    assert_eq!((kept.session.as_deref(), &kept.devices), (Some("s7"), &present().devices(CalibrationKind::Flat)));
+    assert_eq!((kept.conditions.region, kept.conditions.gain), (Some([8, 4, 64, 48]), Some(2.0)));
+    let whole = place.choose(PLAN).unwrap();
+    assert!(whole.flat.is_none() && whole.warnings[0].contains("64 × 48 pixels from 8, 4"), "{:?}", whole.warnings);
+}
+
+#[test]
 fn results_that_are_no_calibration_are_refused() {
     let place = Place::new();
     let result = place.folder.path().join("result");

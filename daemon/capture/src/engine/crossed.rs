@@ -29,11 +29,9 @@ pub fn crossed(folder: &Path, turn: &[&Frame], plan: &Plan, limits_deg: [f64; 2]
         return Err(Error::input("the light", "does not depend on the analyser", remedy));
     }
     let crossed_deg = 0.5 * (-c).atan2(-b).to_degrees();
-    // Stages resolve thousandths of a degree.
-    let crossed_deg = (1000.0 * crossed_deg).round() / 1000.0;
     let crossed_deg = plan.crossed_within(crossed_deg, limits_deg).ok_or_else(|| {
         let [low, high] = limits_deg;
-        let problem = format!("turns from {low}° to {high}° only, and light is crossed at {crossed_deg}°");
+        let problem = format!("turns from {low}° to {high}° only, and light is crossed at {crossed_deg:.1}°");
         Error::input("the analyser's stage", problem, "give calibration.crossed = 0")
     })?;
     Ok(Added::Crossed { crossed_deg })

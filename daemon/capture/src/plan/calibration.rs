@@ -160,7 +160,7 @@ impl Plan {
         let offsets = self.crossed_offsets_deg();
         let fits = |at: &f64| offsets.iter().all(|offset| (low..=high).contains(&(at + offset)));
         let turned = crossed_deg.rem_euclid(180.0);
-        [turned, turned + 180.0, turned - 180.0].into_iter().find(fits)
+        [turned, turned + 180.0, turned - 180.0].map(thousandths).into_iter().find(fits)
     }
 
     /// The plan with the defaults of its kind: a full turn of the analyser, a frame of ambient light, and the operation
@@ -252,6 +252,11 @@ impl Plan {
     }
 }
 
+/// An angle in degrees to the resolution of stages.
+pub(super) fn thousandths(angle_deg: f64) -> f64 {
+    (1000.0 * angle_deg).round() / 1000.0
+}
+
 /// Number of different directions of a transmission axis, to a thousandth of a degree.
 fn directions(angles_deg: &[f64]) -> usize {
     let mut all: Vec<i64> =
@@ -259,4 +264,42 @@ fn directions(angles_deg: &[f64]) -> usize {
     all.sort_unstable();
     all.dedup();
     all.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::steps::tests::DOCUMENTED;
+
+    #[test]
+    fn calibrations_are_checked_by_key() {
+        for (text, word) in [
+            ("", "calibration is missing"),
+            ("calibration = { of = \"orientation\" }", "reconstruct.operation"),
+            ("calibration = { of = \"flat\", levels = 4 }", "calibration.levels"),
+            ("calibration = { of = \"camera\", levels = 3 }", "calibration.levels"),
+            ("calibration = { of = \"flat\", frames = 1 }", "calibration.frames"),
+            ("calibration = { of = \"retarder\", crossed = 2 }", "calibration.crossed"),
+            ("calibration = { of = \"camera\" }\ncamera = { average = 2 }", "camera.average"),
+            ("calibration = { of = \"camera\" }\nextras = [\"dark\"]", "extras"),
+            ("calibration = { of = \"flat\" }\nanalyser = { angles_deg = [0, 90] }", "several angles"),
+            ("calibration = { of = \"retarder\" }\nanalyser = { angles_deg = [0, 90, 180] }", "three different"),
+            ("calibration = { of = \"retarder\" }\nexposures_ms = [1, 2]", "exposures_ms"),
+            ("calibration = { of = \"flat\" }\nreconstruct = { operation = \"camera\" }", "reconstruct.operation"),
+            ("calibration = { of = \"flat\" }\ncalibrations = [\"../x\"]", "calibrations"),
+        ] {
+            let plan: Plan = toml::from_str(&format!("kind = \"calibration\"\n{text}")).unwrap();
+            let problem = plan.check_values().unwrap_err();
+            assert!(problem.contains(word), "{text}: {problem}");
+        }
+        let other = format!("{DOCUMENTED}\ncalibration = {{ of = \"flat\" }}");
+        assert!(toml::from_str::<Plan>(&other).unwrap().check_values().unwrap_err().contains("calibration"));
+        for text in ["\"off\"", "\"auto\"", "[\"01ARZ3NDEKTSV4RRFFQ69G5FAV\"]"] {
+            let plan: Plan = toml::from_str(&format!("calibrations = {text}\n{DOCUMENTED}")).unwrap();
+            let again: Plan = serde_json::from_value(serde_json::to_value(&plan).unwrap()).unwrap();
+            assert_eq!((plan.check_values(), &again), (Ok(()), &plan));
+        }
+        let wrong = toml::from_str::<Plan>(&format!("calibrations = \"on\"\n{DOCUMENTED}")).unwrap_err().to_string();
+        assert!(wrong.contains("\"off\""), "{wrong}");
+    }
 }

@@ -336,38 +336,6 @@ mod tests {
     }
 
     #[test]
-    fn calibrations_are_checked_by_key() {
-        for (text, word) in [
-            ("", "calibration is missing"),
-            ("calibration = { of = \"orientation\" }", "reconstruct.operation"),
-            ("calibration = { of = \"flat\", levels = 4 }", "calibration.levels"),
-            ("calibration = { of = \"camera\", levels = 3 }", "calibration.levels"),
-            ("calibration = { of = \"flat\", frames = 1 }", "calibration.frames"),
-            ("calibration = { of = \"retarder\", crossed = 2 }", "calibration.crossed"),
-            ("calibration = { of = \"camera\" }\ncamera = { average = 2 }", "camera.average"),
-            ("calibration = { of = \"camera\" }\nextras = [\"dark\"]", "extras"),
-            ("calibration = { of = \"flat\" }\nanalyser = { angles_deg = [0, 90] }", "several angles"),
-            ("calibration = { of = \"retarder\" }\nanalyser = { angles_deg = [0, 90, 180] }", "three different"),
-            ("calibration = { of = \"retarder\" }\nexposures_ms = [1, 2]", "exposures_ms"),
-            ("calibration = { of = \"flat\" }\nreconstruct = { operation = \"camera\" }", "reconstruct.operation"),
-            ("calibration = { of = \"flat\" }\ncalibrations = [\"../x\"]", "calibrations"),
-        ] {
-            let plan: Plan = toml::from_str(&format!("kind = \"calibration\"\n{text}")).unwrap();
-            let problem = plan.check_values().unwrap_err();
-            assert!(problem.contains(word), "{text}: {problem}");
-        }
-        let other = format!("{DOCUMENTED}\ncalibration = {{ of = \"flat\" }}");
-        assert!(toml::from_str::<Plan>(&other).unwrap().check_values().unwrap_err().contains("calibration"));
-        for text in ["\"off\"", "\"auto\"", "[\"01ARZ3NDEKTSV4RRFFQ69G5FAV\"]"] {
-            let plan: Plan = toml::from_str(&format!("calibrations = {text}\n{DOCUMENTED}")).unwrap();
-            let again: Plan = serde_json::from_value(serde_json::to_value(&plan).unwrap()).unwrap();
-            assert_eq!((plan.check_values(), &again), (Ok(()), &plan));
-        }
-        let wrong = toml::from_str::<Plan>(&format!("calibrations = \"on\"\n{DOCUMENTED}")).unwrap_err().to_string();
-        assert!(wrong.contains("\"off\""), "{wrong}");
-    }
-
-    #[test]
     fn a_wanted_sigma_is_checked_by_key() {
         let plan = |analyser: &str, more: &str| -> Result<Plan, String> {
             let text = format!("kind = \"polarization\"\nanalyser = {{ {analyser} }}\n{more}");

@@ -1,5 +1,6 @@
 //! Expansion of a plan into a list of frames.
 
+use super::calibration::thousandths;
 use super::fringes::EVEN;
 use super::{Added, AnalyserPlan, Extra, FreeStep, FringesPlan, Plan, PlanKind, UntilDecided, UntilSigma};
 use nacre_drivers::Pattern;
@@ -189,7 +190,9 @@ impl Plan {
         let added = chosen.iter().flat_map(|a| match a {
             Added::Angle { analyser_deg } => vec![*analyser_deg],
             Added::Fringes { .. } => vec![],
-            Added::Crossed { crossed_deg } => self.crossed_offsets_deg().iter().map(|by| crossed_deg + by).collect(),
+            Added::Crossed { crossed_deg } => {
+                self.crossed_offsets_deg().iter().map(|by| thousandths(crossed_deg + by)).collect()
+            }
         });
         let fringes = chosen.iter().rev().find_map(|a| match a {
             Added::Fringes { fringes } => Some(*fringes),

@@ -305,8 +305,7 @@ impl Journal {
         let chosen = self.chosen();
         let known = plan.steps_with(&chosen).len();
         let open = plan.is_open() && self.ended().is_none() || plan.awaits_crossed(&chosen);
-        let open = open && !self.finished();
-        [known, if open { plan.most_steps().len() } else { known }]
+        [known, if open && !self.finished() { plan.most_steps().len() } else { known }]
     }
 
     /// Reason of an early end, if that is the last entry.
