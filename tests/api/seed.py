@@ -49,6 +49,7 @@ def uploaded():
 
 
 upload, unused = uploaded(), uploaded()
+calibration = call("GET", "/api/v1/calibrations")["items"][0]["id"]
 rendering = {"upload": upload, "method": "render", "options": {"samples": 4}}
 rendered = call("POST", "/api/v1/reconstructions", rendering)["id"]
 finished(f"/api/v1/reconstructions/{rendered}", lambda r: r["state"] == "done")
@@ -71,6 +72,10 @@ parameters = {{ "path.id" = "{job}", "path.file" = "orientation.png", "path.map"
 [[operations]]
 include-path-regex = "/uploads/.*id|/trash/"
 parameters = {{ "path.id" = "{unused}" }}
+
+[[operations]]
+include-path-regex = "/calibrations/"
+parameters = {{ "path.id" = "{calibration}", "path.file" = "calibration.json" }}
 
 [[operations]]
 include-path-regex = "/charts/"

@@ -5,7 +5,7 @@ use crate::engine::{Control, Engine, Input, Observer, State};
 use crate::failure::Failure;
 use crate::plan::{CalibrationsPlan, Plan, PlannedOperation};
 use crate::rig::{Rig, Stop};
-use crate::session::{self, Disk, Journal, MAX_FLAT, SeriesEnd, Session, SessionFile, Timing, is_vacant};
+use crate::session::{self, Disk, Journal, MAX_FLAT, RESULTS, SeriesEnd, Session, SessionFile, Timing, is_vacant};
 use nacre_base::Version;
 use nacre_base::operation::Done;
 use nacre_base::progress::Progress;
@@ -67,9 +67,6 @@ pub struct Capture<'a> {
 
 /// Computes the results of a session into its folder [`RESULTS`].
 pub type Elsewhere = dyn Fn(&Path, &dyn Progress) -> Result<(), Failure> + Sync;
-
-/// Name of the results folder within a session.
-pub const RESULTS: &str = "results";
 
 impl Capture<'_> {
     /// Meters if necessary, creates the session folder `out`, and captures all frames.

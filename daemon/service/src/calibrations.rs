@@ -10,10 +10,8 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use nacre_capture::calibrations::{
-    CalibrationKind, Calibrations, Choice, Chosen, Conditions, Found, Origin, Present, Stored, age_days,
-};
-use nacre_capture::plan::Plan;
+use nacre_capture::calibrations::{Calibrations, Choice, Chosen, Conditions, Found, Origin, Present, Stored, age_days};
+use nacre_capture::plan::{CalibrationKind, Plan};
 use nacre_capture::session::SessionFile;
 use nacre_frames::Calibration;
 use nacre_store::jobs::JobState;
@@ -50,8 +48,8 @@ pub struct CalibrationDoc {
     reconstruction: Option<String>,
     /// Version of the program that kept it.
     software: String,
-    /// Whether it applies to a session of whole frames on the present bench, and is not too old. Sessions use the newest
-    /// one of each kind.
+    /// Whether it applies to a session of whole frames on the present bench, and is not too old. Sessions use the
+    /// newest one of each kind.
     applies: bool,
     /// Why it does not apply.
     reason: Option<String>,

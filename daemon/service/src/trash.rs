@@ -1,4 +1,5 @@
-//! `/api/v1/trash`: deleted sessions, uploads, reconstructions and calibrations, until restored, deleted for good, or expired.
+//! `/api/v1/trash`: deleted sessions, uploads, reconstructions and calibrations, until restored, deleted for good, or
+//! expired.
 //!
 //! `trash/ID/` in the data folder holds `deleted.json`, and the deleted folders under their former paths. An entry
 //! without `deleted.json` is the remainder of an interrupted deletion.

@@ -1,7 +1,7 @@
 //! Choice of calibrations for a session: of each kind the newest one of the devices in use, up to a maximum age.
 
-use super::{CalibrationKind, Calibrations, Record, Stored};
-use crate::plan::{CalibrationsPlan, Limits, Plan};
+use super::{Calibrations, Record, Stored};
+use crate::plan::{CalibrationKind, CalibrationsPlan, Limits, Plan};
 use crate::session::FLAT_FILE;
 use crate::setup::Setup;
 use nacre_base::Error;

@@ -9,12 +9,12 @@ mod record;
 mod tests;
 
 pub use choice::{Choice, Chosen, MAX_AGE_DAYS, Present, age_days};
-pub use record::{CalibrationKind, Conditions, Origin, Record};
+pub use record::{Conditions, Origin, Record};
 
 use crate::ids::{is_id, new_id};
 use crate::naming::checked;
-use crate::run::RESULTS;
-use crate::session::{FLAT_FILE, MAX_FLAT, SessionFile};
+use crate::plan::CalibrationKind;
+use crate::session::{FLAT_FILE, MAX_FLAT, RESULTS, SessionFile};
 use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, OutputFolder, Version, input};
 use nacre_frames::{CALIBRATION_FILE, Calibration};

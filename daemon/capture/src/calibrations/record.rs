@@ -1,5 +1,6 @@
 //! Description of a stored calibration.
 
+use crate::plan::CalibrationKind;
 use crate::session::SessionFile;
 use nacre_base::Version;
 use nacre_drivers::stage::Mounting;
@@ -11,53 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Kind of a calibration: the operation of `nacre calibrate` that measures it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum CalibrationKind {
-    /// Noise and levels of the camera.
-    Camera,
-    /// Unevenness of light and lens.
-    Flat,
-    /// Zero, sense and extinction of the analyser.
-    Analyser,
-    /// Polarization behind the retarder of the panel.
-    Retarder,
-    /// Offset of orientations, from a sample of known orientation.
-    Orientation,
-}
-
 impl CalibrationKind {
-    /// All kinds.
-    pub const ALL: [Self; 5] = [Self::Camera, Self::Flat, Self::Analyser, Self::Retarder, Self::Orientation];
-
-    /// Name, which is that of the operation.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Camera => "camera",
-            Self::Flat => "flat",
-            Self::Analyser => "analyser",
-            Self::Retarder => "retarder",
-            Self::Orientation => "orientation",
-        }
-    }
-
-    /// Kind by its name.
-    pub fn of(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
-    }
-
-    /// Name in a sentence.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Camera => "calibration of the camera",
-            Self::Flat => "flat field",
-            Self::Analyser => "calibration of the analyser",
-            Self::Retarder => "calibration of the retarder",
-            Self::Orientation => "calibration of orientations",
-        }
-    }
-
     /// True if a calibration holds this kind.
     pub(super) fn is_in(self, calibration: &Calibration) -> bool {
         match self {

@@ -1,9 +1,8 @@
 //! Storage thread of a run: averages, encodes and stores frames while the bench continues.
 
 use super::Observer;
-use crate::calibrations::CalibrationKind;
 use crate::failure::Failure;
-use crate::plan::{Added, Plan, PlanKind, Role, Step};
+use crate::plan::{Added, CalibrationKind, Plan, PlanKind, Role, Step};
 use crate::session::{self, Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
 use nacre_base::Error;
 use nacre_drivers::CameraInfo;

@@ -1,7 +1,6 @@
 //! Sessions that measure a property of the bench, and the choice of stored calibrations for a session.
 
 use super::{Added, AnalyserPlan, Extra, Method, Plan, PlanKind, PlannedOperation};
-use crate::calibrations::CalibrationKind;
 use crate::ids::is_id;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -20,6 +19,54 @@ const STEP_DEG: u32 = 15;
 
 /// Maximum number of exposures of a camera's calibration.
 pub(super) const MOST_LEVELS: usize = 64;
+
+/// Kind of a calibration: the operation of `nacre calibrate` that measures it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CalibrationKind {
+    /// Noise and levels of the camera.
+    Camera,
+    /// Unevenness of light and lens.
+    Flat,
+    /// Zero, sense and extinction of the analyser.
+    Analyser,
+    /// Polarization behind the retarder of the panel.
+    Retarder,
+    /// Offset of orientations, from a sample of known orientation.
+    Orientation,
+}
+
+impl CalibrationKind {
+    /// All kinds.
+    pub const ALL: [Self; 5] = [Self::Camera, Self::Flat, Self::Analyser, Self::Retarder, Self::Orientation];
+
+    /// Name, which is that of the operation.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Camera => "camera",
+            Self::Flat => "flat",
+            Self::Analyser => "analyser",
+            Self::Retarder => "retarder",
+            Self::Orientation => "orientation",
+        }
+    }
+
+    /// Kind by its name.
+    pub fn of(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// Name in a sentence.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Camera => "calibration of the camera",
+            Self::Flat => "flat field",
+            Self::Analyser => "calibration of the analyser",
+            Self::Retarder => "calibration of the retarder",
+            Self::Orientation => "calibration of orientations",
+        }
+    }
+}
 
 /// Property that a session of kind calibration measures.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -181,8 +228,8 @@ impl Plan {
         self
     }
 
-    /// Exposures of a camera's calibration in ms, from the metered or stated exposure; empty for other plans. `limits_s`
-    /// are the camera's shortest and longest exposure in s.
+    /// Exposures of a camera's calibration in ms, from the metered or stated exposure; empty for other plans.
+    /// `limits_s` are the camera's shortest and longest exposure in s.
     pub(crate) fn level_exposures_ms(&self, exposure: Duration, limits_s: [f64; 2]) -> Vec<f64> {
         let [low, high] = LEVELS;
         let steps = self.levels().unwrap_or(0);

@@ -10,7 +10,7 @@ mod results;
 mod steps;
 
 pub use analyser::{AnalyserPlan, UntilSigma};
-pub use calibration::{CalibrationPlan, CalibrationsPlan};
+pub use calibration::{CalibrationKind, CalibrationPlan, CalibrationsPlan};
 pub use estimate::{Estimate, Least, Limits};
 pub(crate) use estimate::{approach, light_on_s};
 pub(crate) use fringes::MORE;

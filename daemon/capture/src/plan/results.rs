@@ -1,7 +1,6 @@
 //! Prediction for a session's results, before the session.
 
-use super::{Limits, Plan, Role};
-use crate::calibrations::CalibrationKind;
+use super::{CalibrationKind, Limits, Plan, Role};
 use nacre_base::estimate::Work;
 use nacre_frames::hdr;
 use nacre_image::budget::{self, Operation};

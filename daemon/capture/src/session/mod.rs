@@ -22,8 +22,7 @@ pub(crate) use journal::{SALVAGE, is_damaged};
 pub use salvage::{DamagedLine, Salvage, salvage};
 pub use series::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 
-use crate::calibrations::CalibrationKind;
-use crate::plan::{Plan, PlanKind};
+use crate::plan::{CalibrationKind, Plan, PlanKind};
 use crate::setup::{BenchSection, Setup};
 use nacre_base::Version;
 use nacre_base::input::{self, Unreadable};
@@ -72,6 +71,9 @@ pub struct SessionFile {
 
 /// Maximum size of `session.json` and `frames.json` in bytes.
 const MAX_DESCRIPTION: u64 = 64 << 20;
+
+/// Name of the results folder within a session.
+pub const RESULTS: &str = "results";
 
 /// File name of a flat field inside a session folder.
 pub const FLAT_FILE: &str = "flat.exr";
