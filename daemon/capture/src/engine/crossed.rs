@@ -24,7 +24,8 @@ pub fn crossed(folder: &Path, turn: &[&Frame], plan: &Plan, limits_deg: [f64; 2]
     }
     let maps = fit.solve(&Design::new(&angles)?);
     let (b, c) = (f64::from(maps.s1[0]), f64::from(maps.s2[0]));
-    if !(b.hypot(c) > 0.0) {
+    let amplitude = b.hypot(c);
+    if amplitude.is_nan() || amplitude <= 0.0 {
         let remedy = "put a polarizer into the light, or give calibration.crossed = 0";
         return Err(Error::input("the light", "does not depend on the analyser", remedy));
     }

@@ -191,8 +191,8 @@ impl Plan {
     /// Offsets in degrees of further angles from the crossed direction, in rising order; empty for other plans.
     pub fn crossed_offsets_deg(&self) -> Vec<f64> {
         let count = self.calibrates(CalibrationKind::Analyser).map_or(0, |c| c.crossed.unwrap_or(USUAL_CROSSED));
-        let nth = |k: u32| if k % 2 == 0 { -f64::from(k / 2 + 1) } else { f64::from(k / 2 + 1) };
-        let mut offsets: Vec<f64> = (0..count).map(nth).collect();
+        let both = (1..=count).flat_map(|k| [-f64::from(k), f64::from(k)]);
+        let mut offsets: Vec<f64> = both.take(count as usize).collect();
         offsets.sort_by(f64::total_cmp);
         offsets
     }
