@@ -1,5 +1,6 @@
 //! `/api/v1/calibrations`: stored calibrations of the bench.
 
+use super::config::LONGEST_AGE;
 use super::deletion::Deletion;
 use super::keys::Keyed;
 use super::paths::without_folders;
@@ -83,7 +84,7 @@ pub struct CalibrationQuery {
     /// Only those that apply to the present bench, or only those that do not.
     applies: Option<bool>,
     /// Only those up to this age in days.
-    #[param(minimum = 0, maximum = 1000000)]
+    #[param(minimum = 0, maximum = 36500)]
     max_age_days: Option<u32>,
 }
 
@@ -222,6 +223,9 @@ pub async fn list(
     State(app): State<Arc<App>>,
     Params(query): Params<CalibrationQuery>,
 ) -> Answer<Json<CalibrationList>> {
+    if let Some(days) = query.max_age_days.filter(|days| *days > LONGEST_AGE) {
+        return Err(Problem::bad(format!("max_age_days is {days}; give 0 to {LONGEST_AGE}")));
+    }
     let list = blocking(move || {
         let choice = app.calibration_choice();
         let (mut items, mut problems) = (vec![], vec![]);

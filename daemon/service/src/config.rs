@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 const LONGEST_IN_TRASH: u64 = 36_500;
 
 /// Upper bound of `calibration.max_age_days`.
-const LONGEST_AGE: u32 = 36_500;
+pub(crate) const LONGEST_AGE: u32 = 36_500;
 
 /// Configuration of the service.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
