@@ -136,9 +136,10 @@ impl<D: Disk> Session<D> {
             return Err(io::ErrorKind::DirectoryNotEmpty.into());
         }
         let text = serde_json::to_vec_pretty(description).map_err(io::Error::other)?;
-        // Written first, so that no session lacks its flat field.
+        // Written first, so that no session lacks its flat field; renamed later, so that no foreign file is replaced.
         if let Some(flat) = flat {
-            write_whole(&disk, folder, FLAT_FILE, flat)?;
+            disk.write(&partial(folder, FLAT_FILE), flat)?;
+            disk.sync_dir(folder)?;
         }
         write_whole(&disk, folder, SESSION_FILE, &text)?;
         if let Some(parent) = folder.parent() {
@@ -149,9 +150,7 @@ impl<D: Disk> Session<D> {
         session.make_frames_folder()?;
         session.record(Entry::Begun)?;
         session.seal(SESSION_FILE, &text)?;
-        if let Some(flat) = flat {
-            session.seal(FLAT_FILE, flat)?;
-        }
+        session.place_flat(description)?;
         Ok(session)
     }
 
@@ -176,13 +175,27 @@ impl<D: Disk> Session<D> {
         session.disk.truncate(&session.folder.join(Journal::NAME), intact)?;
         session.make_frames_folder()?;
         session.record(Entry::Resumed)?;
-        for file in [SESSION_FILE, FLAT_FILE] {
-            let path = session.folder.join(file);
-            if session.journal.sealed(file).is_none() && path.exists() {
-                session.seal(file, &input::read(&path, limit(file))?)?;
-            }
+        if session.journal.sealed(SESSION_FILE).is_none() {
+            let text = input::read(&session.folder.join(SESSION_FILE), MAX_DESCRIPTION)?;
+            session.seal(SESSION_FILE, &text)?;
+        }
+        if session.journal.sealed(FLAT_FILE).is_none() {
+            session.place_flat(&SessionFile::read(folder)?)?;
         }
         Ok(session)
+    }
+
+    /// Gives the flat field its name, and records its checksum.
+    fn place_flat(&mut self, description: &SessionFile) -> io::Result<()> {
+        if description.calibration.as_ref().is_none_or(|calibration| calibration.flat.is_none()) {
+            return Ok(());
+        }
+        let (temporary, target) = (partial(&self.folder, FLAT_FILE), self.folder.join(FLAT_FILE));
+        if !target.exists() {
+            self.disk.rename(&temporary, &target)?;
+            self.disk.sync_dir(&self.folder)?;
+        }
+        self.seal(FLAT_FILE, &input::read(&target, MAX_FLAT)?)
     }
 
     /// Records a file's checksum.
@@ -287,17 +300,20 @@ fn sealed_files(journal: &Journal) -> impl Iterator<Item = &'static str> {
 
 /// True if a new session can be created here: nothing exists, or only remains of a failed attempt.
 pub fn is_vacant(folder: &Path) -> bool {
-    let partial = [SESSION_FILE, FLAT_FILE].map(|file| Path::new(file).with_extension("partial"));
-    let leftover = |name: &Path| name == Path::new(FLAT_FILE) || partial.iter().any(|file| name == file);
+    let leftovers = [SESSION_FILE, FLAT_FILE].map(|file| partial(folder, file));
     match std::fs::read_dir(folder) {
-        Ok(entries) => entries.flatten().all(|e| leftover(Path::new(&e.file_name()))),
+        Ok(entries) => entries.flatten().all(|e| leftovers.contains(&e.path())),
         Err(e) => e.kind() == io::ErrorKind::NotFound,
     }
 }
 
+/// Path of a file that is not complete yet.
+fn partial(folder: &Path, name: &str) -> PathBuf {
+    folder.join(name).with_extension("partial")
+}
+
 fn write_whole(disk: &impl Disk, folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
-    let target = folder.join(name);
-    let temporary = target.with_extension("partial");
+    let (target, temporary) = (folder.join(name), partial(folder, name));
     disk.write(&temporary, bytes)?;
     disk.rename(&temporary, &target)?;
     disk.sync_dir(target.parent().unwrap_or(folder))

@@ -2,6 +2,7 @@
 
 use super::{Commit, Disk, Entry, RealDisk, Session, SessionFile, Setup, Timing, check};
 use nacre_base::Version;
+use nacre_frames::{Calibration, FlatCalibration};
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -144,6 +145,7 @@ impl Model {
 
 fn description() -> SessionFile {
     let plan = "kind = \"polarization\"\nanalyser = { angles_deg = [0, 60, 120] }";
+    let flat = FlatCalibration { source: None, file: super::FLAT_FILE.into(), sigma: 0.0 };
     SessionFile {
         version: Version,
         software: "test".into(),
@@ -155,7 +157,7 @@ fn description() -> SessionFile {
         bench: None,
         section: None,
         mounting: None,
-        calibration: None,
+        calibration: Some(Calibration { flat: Some(flat), ..Calibration::default() }),
         warnings: vec![],
     }
 }
