@@ -91,7 +91,7 @@ fn an_edited_session_file_is_refused_by_key() {
     assert_eq!(fs::read(place.path("s/journal")).unwrap(), journal, "a refused resume changes nothing");
 }
 
-/// Six plans of different kinds, one of them metered, on two benches.
+/// Plans of different kinds, some of them metered, on two benches.
 #[test]
 fn estimates_hold_within_ten_percent() {
     let slow = "camera = { width = 64, height = 48, lag_frames = 4, readout_ms = 25 }\nstage = { speed_deg_s = 30, settle_ms = 400 }\nflash = { settle_ms = 50 }";
@@ -101,6 +101,8 @@ fn estimates_hold_within_ten_percent() {
         "kind = \"exposures\"\nexposures_ms = [1, 4, 16, 64, 256]\nextras = [\"dark\"]",
         "kind = \"flash\"\nanalyser = { angles_deg = [0, 45, 90, 135] }\ncamera = { exposure_ms = 20 }\nextras = [\"display_black\"]",
         "kind = \"spots\"\nspots = { centers_mm = [[0, 0], [60, 0], [0, 60], [-60, 0], [0, -60]], diameter_mm = 20 }\ncamera = { exposure_ms = 50, average = 4 }",
+        "kind = \"calibration\"\ncalibration = { of = \"camera\", levels = 5 }",
+        "kind = \"calibration\"\ncalibration = { of = \"analyser\" }\nanalyser = { angles_deg = [0, 45, 90, 135] }",
         "kind = \"free\"\nsteps = [{ flash = true, exposure_ms = 5 }, { analyser_deg = 90, exposure_ms = 200 }, { display = { diameter_mm = 30 }, exposure_ms = 200 }, { flash = true, exposure_ms = 5 }]",
     ] {
         for bench in ["camera = { width = 64, height = 48 }", slow] {

@@ -7,6 +7,7 @@ mod bad_input;
 mod bokeh;
 mod brdf;
 mod browser;
+mod calibrations;
 mod capture;
 mod catalogue;
 mod chart;

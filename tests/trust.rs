@@ -62,6 +62,13 @@ fn pages_of_other_origins_change_nothing() {
 /// All requests with the minimum role, except the operations' own.
 const ROLES: &[(&str, &str, &str)] = &[
     ("view", "GET", "/api/v1/about"),
+    ("view", "GET", "/api/v1/calibrations"),
+    ("operate", "POST", "/api/v1/calibrations"),
+    ("view", "GET", "/api/v1/calibrations/{id}"),
+    ("administer", "DELETE", "/api/v1/calibrations/{id}"),
+    ("view", "GET", "/api/v1/calibrations/{id}/deletion"),
+    ("view", "GET", "/api/v1/calibrations/{id}/files"),
+    ("view", "GET", "/api/v1/calibrations/{id}/files/{file}"),
     ("view", "GET", "/api/v1/charts"),
     ("administer", "DELETE", "/api/v1/charts/{folder}"),
     ("view", "GET", "/api/v1/charts/{folder}/deletion"),

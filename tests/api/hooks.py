@@ -58,6 +58,11 @@ def uploaded():
         return json.load(answer)["id"]
 
 
+def kept():
+    """A stored calibration."""
+    return call("POST", "/api/v1/calibrations", {"from": SEEDED["session"]}).get("id", "")
+
+
 def deleted():
     """An upload in the trash."""
     upload = uploaded()
@@ -87,6 +92,8 @@ def before_call(context, case, kwargs):
     sound = case.meta is None or case.meta.generation.mode.value == "positive"
     if sound and path.startswith("/api/v1/uploads/{id}"):
         case.path_parameters["id"] = uploaded()
+    elif sound and path.startswith("/api/v1/calibrations/{id}"):
+        case.path_parameters["id"] = kept()
     elif sound and path.startswith("/api/v1/trash/{id}"):
         case.path_parameters["id"] = deleted()
     if not sound or method != "POST":
@@ -100,6 +107,8 @@ def before_call(context, case, kwargs):
         until(f"/api/v1/sessions/{case.path_parameters['id']}", lambda s: s.get("state") == "paused")
     elif path in ("/api/v1/reconstructions", "/api/v1/reconstructions/estimate"):
         case.body = {"session": SEEDED["session"], "method": "polarization"}
+    elif path == "/api/v1/calibrations":
+        case.body = {"from": SEEDED["session"]}
     elif path == "/api/v1/operations/polarization":
         case.body = {"session": SEEDED["session"], "options": {"model": "plain"}}
     elif path.endswith("/cancel") or path.endswith("/retry"):

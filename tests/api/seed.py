@@ -7,6 +7,7 @@ import json
 import sys
 import time
 import urllib.request
+from pathlib import Path
 
 BASE = sys.argv[1]
 
@@ -49,6 +50,9 @@ def uploaded():
 
 
 upload, unused = uploaded(), uploaded()
+# Results of the session serve as those of a calibration; the data folder is in the current one.
+analyser = {"zero_deg": 1.5, "zero_sigma_deg": 0.01, "sense": 1}
+Path(f"data/sessions/{session}/results/calibration.json").write_text(json.dumps({"analyser": analyser}))
 rendering = {"upload": upload, "method": "render", "options": {"samples": 4}}
 rendered = call("POST", "/api/v1/reconstructions", rendering)["id"]
 finished(f"/api/v1/reconstructions/{rendered}", lambda r: r["state"] == "done")
@@ -71,6 +75,10 @@ parameters = {{ "path.id" = "{job}", "path.file" = "orientation.png", "path.map"
 [[operations]]
 include-path-regex = "/uploads/.*id|/trash/"
 parameters = {{ "path.id" = "{unused}" }}
+
+[[operations]]
+include-path-regex = "/calibrations/"
+parameters = {{ "path.file" = "calibration.json" }}
 
 [[operations]]
 include-path-regex = "/charts/"

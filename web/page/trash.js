@@ -61,7 +61,7 @@ export async function trashPage(main, { signal }) {
     return h("li", { class: "panel card plain", "data-deleted": item.id },
       h("div", { class: "about" },
         h("span", { class: "title" }, item.name),
-        h("p", { class: "row soft" }, h("span", {}, { session: "Session", upload: "Upload", reconstruction: "Result" }[item.kind]), h("span", {}, `${item.files} files, ${bytes(item.bytes)}`),
+        h("p", { class: "row soft" }, h("span", {}, { session: "Session", upload: "Upload", reconstruction: "Result", calibration: "Calibration" }[item.kind]), h("span", {}, `${item.files} files, ${bytes(item.bytes)}`),
           h("span", {}, `deleted ${moment(item.deleted)}`), h("span", {}, left(item.expires)))),
       h("div", { class: "row" },
         h("button", { type: "button", "aria-label": `Restore ${item.name}`, onclick: () => restore(item.id, item.name, load) }, "Restore"),

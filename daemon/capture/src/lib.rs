@@ -1,9 +1,11 @@
 #![doc = include_str!("../README.md")]
 
+pub mod calibrations;
 pub mod engine;
 mod failure;
 pub mod fields;
 pub mod guardian;
+pub mod ids;
 pub mod import;
 pub mod naming;
 pub mod page;

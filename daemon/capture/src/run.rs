@@ -1,14 +1,15 @@
 //! A capture session from plan to results: common code of command line and demo.
 
+use crate::calibrations::{Choice, Chosen, Present, Record};
 use crate::engine::{Control, Engine, Input, Observer, State};
 use crate::failure::Failure;
-use crate::plan::{Plan, PlannedOperation};
+use crate::plan::{CalibrationsPlan, Plan, PlannedOperation};
 use crate::rig::{Rig, Stop};
-use crate::session::{self, Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
+use crate::session::{self, Disk, Journal, MAX_FLAT, RESULTS, SeriesEnd, Session, SessionFile, Timing, is_vacant};
 use nacre_base::Version;
 use nacre_base::operation::Done;
 use nacre_base::progress::Progress;
-use nacre_base::{Error, OutputFolder};
+use nacre_base::{Error, OutputFolder, input};
 use nacre_polarimetry::Running;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -40,6 +41,12 @@ pub struct Taken {
     /// End of an adaptive series.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ended: Option<SeriesEnd>,
+    /// Calibration that was kept from the results of a session of kind calibration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kept: Option<Record>,
+    /// Warnings about calibrations.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
 }
 
 /// A bench with its control.
@@ -54,13 +61,12 @@ pub struct Capture<'a> {
     pub observer: &'a dyn Observer,
     /// Computes the results in another process, from the stored frames; `None` for this process.
     pub elsewhere: Option<&'a Elsewhere>,
+    /// Stored calibrations, from which new sessions take theirs and which keep new ones.
+    pub calibrations: Option<Choice>,
 }
 
 /// Computes the results of a session into its folder [`RESULTS`].
 pub type Elsewhere = dyn Fn(&Path, &dyn Progress) -> Result<(), Failure> + Sync;
-
-/// Name of the results folder within a session.
-pub const RESULTS: &str = "results";
 
 impl Capture<'_> {
     /// Meters if necessary, creates the session folder `out`, and captures all frames.
@@ -74,26 +80,43 @@ impl Capture<'_> {
         if !is_vacant(out) {
             return Err(Error::file(out, "is already there", "choose another --out, or --resume it").into());
         }
+        // Before the devices work, because the plan may list calibrations that do not apply.
+        let chosen = self.choose(&plan)?;
         let (metered, metering) =
             if plan.is_metered() { Some(self.engine().meter(&plan)?).unzip() } else { (None, None) };
         let exposure = match (&metered, plan.camera.exposure_ms) {
             (Some(metered), _) => metered.exposure,
             (None, ms) => Duration::from_secs_f64(ms.or(plan.exposures_ms.first().copied()).unwrap_or(10.0) / 1000.0),
         };
-        let plan = plan.with_bracket(metered.map_or_else(Vec::new, |m| m.bracket_ms));
-        check_limits(&plan, out, &self.rig.devices.limits())?;
+        let limits = self.rig.devices.limits();
+        let exposures_ms = match metered {
+            Some(metered) if plan.bracket.is_some() => metered.bracket_ms,
+            _ if plan.exposures_ms.is_empty() => plan.level_exposures_ms(exposure, limits.camera.exposure_s),
+            _ => vec![],
+        };
+        let plan = plan.with_bracket(exposures_ms);
+        check_limits(&plan, out, &limits)?;
+        let created = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
+        let flat = chosen.flat.map(|file| {
+            let unreadable = |e| Error::file(&file, e, "remove this calibration, and repeat it");
+            input::read(&file, MAX_FLAT).map_err(unreadable)
+        });
+        let flat = flat.transpose()?;
         let description = SessionFile {
             version: Version,
             software: concat!("nacre ", env!("CARGO_PKG_VERSION")).into(),
-            created: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs()),
+            created,
             plan,
             devices: self.rig.ids.clone(),
             exposure_s: exposure.as_secs_f64(),
             setup: self.rig.setup,
             bench: self.rig.config.clone(),
             section: self.rig.section.clone(),
+            mounting: self.rig.mounting,
+            calibration: chosen.calibration,
+            warnings: chosen.warnings,
         };
-        let session = Session::create(disk, out, &description).map_err(|e| Error::output(out, e))?;
+        let session = Session::create(disk, out, &description, flat.as_deref()).map_err(|e| Error::output(out, e))?;
         self.take(session, &description, metering)
     }
 
@@ -133,6 +156,29 @@ impl Capture<'_> {
         self.take(session, &description, None)
     }
 
+    /// Chooses calibrations for a new session.
+    fn choose(&self, plan: &Plan) -> Result<Chosen, Error> {
+        let Some(choice) = &self.calibrations else {
+            return match &plan.calibrations {
+                CalibrationsPlan::Listed(ids) if !ids.is_empty() => {
+                    let problem = "are listed by the plan, but no folder of calibrations is known";
+                    Err(Error::input("calibrations", problem, "give --calibrations"))
+                }
+                _ => Ok(Chosen::default()),
+            };
+        };
+        let rig = &self.rig;
+        let present = Present::new(&rig.devices.limits(), rig.mounting, &rig.setup, plan.camera.roi);
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
+        choice.choose(plan, &present, now)
+    }
+
+    /// Keeps the results of a session of kind calibration.
+    fn keep(&self, plan: &Plan, folder: &Path) -> Option<Result<Record, Error>> {
+        let choice = self.calibrations.as_ref().filter(|_| plan.measures().is_some())?;
+        Some(choice.calibrations.keep_session(folder))
+    }
+
     fn engine(&mut self) -> Engine<'_> {
         Engine {
             runtime: self.runtime,
@@ -166,6 +212,10 @@ impl Capture<'_> {
                 (Some(folder.join(RESULTS)), None)
             }
         };
+        let mut warnings = description.warnings.clone();
+        let kept = results.as_ref().and_then(|_| self.keep(&description.plan, &folder));
+        let kept =
+            kept.and_then(|kept| kept.map_err(|e| warnings.push(format!("the calibration is not kept: {e}"))).ok());
         Ok(Taken {
             session: folder,
             frames: journal.planned(&description.plan)[0],
@@ -177,6 +227,8 @@ impl Capture<'_> {
             results,
             report,
             ended: journal.ended(),
+            kept,
+            warnings,
         })
     }
 }

@@ -93,6 +93,8 @@ enum Command {
     /// Calibrate camera, geometry and panel.
     #[command(subcommand)]
     Calibrate(commands::calibrate::Calibrate),
+    /// List, show and remove stored calibrations.
+    Calibrations(commands::calibrations::Args),
     /// Recommend a reconstruction method from one photograph of the sample.
     Recommend(commands::recommend::Recommend),
     /// Chart speed, accuracy and failure limits of each method.
@@ -199,6 +201,7 @@ pub fn main(commit: &str, target: &str) -> ExitCode {
         Command::Synthesize(args) => args.run(&console),
         Command::Inspect(args) => args.run(&console),
         Command::Calibrate(args) => commands::calibrate::run(&args, &console),
+        Command::Calibrations(args) => commands::calibrations::run(&args, &console),
         Command::Recommend(args) => commands::recommend::run(&args, &console),
         Command::Chart(args) => commands::chart::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),

@@ -6,6 +6,7 @@ use figment::error::Kind;
 use figment::providers::{Env, Serialized};
 use nacre_base::text::{from_toml, read_text};
 use nacre_base::{Error, Version};
+use nacre_capture::calibrations::MAX_AGE_DAYS;
 use nacre_capture::setup::BenchSection;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,6 +15,9 @@ use std::path::{Path, PathBuf};
 
 /// Upper bound of `limits.trash_days`.
 const LONGEST_IN_TRASH: u64 = 36_500;
+
+/// Upper bound of `calibration.max_age_days`.
+pub(crate) const LONGEST_AGE: u32 = 36_500;
 
 /// Configuration of the service.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -33,6 +37,8 @@ pub struct Config {
     pub tokens: Vec<Token>,
     /// Bench of the service.
     pub bench: BenchSection,
+    /// Use of stored calibrations.
+    pub calibration: CalibrationSection,
     /// Limits of requests and storage.
     pub limits: LimitsSection,
 }
@@ -59,6 +65,21 @@ pub enum Role {
     Operate,
     /// Delete, rename and restore.
     Administer,
+}
+
+/// Use of stored calibrations by sessions.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CalibrationSection {
+    /// Maximum age in days of calibrations that sessions use, 1 to 36500; sessions warn of older ones.
+    #[schemars(range(min = 1, max = 36_500))]
+    pub max_age_days: u32,
+}
+
+impl Default for CalibrationSection {
+    fn default() -> Self {
+        Self { max_age_days: MAX_AGE_DAYS }
+    }
 }
 
 /// Limits of requests and storage.
@@ -99,6 +120,7 @@ impl Default for Config {
             hosts: vec![],
             tokens: vec![],
             bench: BenchSection::default(),
+            calibration: CalibrationSection::default(),
             limits: LimitsSection::default(),
         }
     }
@@ -186,6 +208,10 @@ impl Config {
         }
         if l.trash_days > LONGEST_IN_TRASH {
             return Err(format!("limits.trash_days is {}; give 0 to {LONGEST_IN_TRASH}", l.trash_days));
+        }
+        let days = self.calibration.max_age_days;
+        if !(1..=LONGEST_AGE).contains(&days) {
+            return Err(format!("calibration.max_age_days is {days}; give 1 to {LONGEST_AGE}"));
         }
         if let Some(bad) = self.hosts.iter().find(|h| h.contains('/') && Address::of_origin(h).is_none()) {
             return Err(format!("hosts names {bad:?}; give a name, or an address such as https://bench.lab:8443"));

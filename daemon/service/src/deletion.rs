@@ -26,7 +26,8 @@ pub struct Deletion {
 }
 
 impl Deletion {
-    fn of(app: &App, id: &str, files: &[(String, u64)], trash_days: u64) -> Json<Self> {
+    /// Summary of the deletion of these files.
+    pub fn of(app: &App, id: &str, files: &[(String, u64)], trash_days: u64) -> Json<Self> {
         let bytes = files.iter().map(|f| f.1).sum();
         Json(Self { token: app.deletion_token(id), bytes, files: files.len(), trash_days })
     }

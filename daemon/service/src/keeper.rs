@@ -8,6 +8,7 @@ use super::{App, stored_uploads, trash};
 use nacre_base::Error;
 use nacre_base::progress::Silent;
 use nacre_base::temporary::sweep_all;
+use nacre_capture::calibrations;
 use nacre_store::catalogue::{Catalogue, SessionRow};
 use nacre_store::jobs::{Jobs, Work};
 use rustix::fs::statvfs;
@@ -36,7 +37,7 @@ const ROOM: u64 = 64 << 10;
 const SHORT: u64 = 1 << 30;
 
 /// Folders in the data folder.
-const FOLDERS: [&str; 4] = ["sessions", "reconstructions", "uploads", "trash"];
+const FOLDERS: [&str; 5] = ["sessions", "reconstructions", "uploads", calibrations::FOLDER, "trash"];
 
 /// The databases. On a full disk the service starts with a catalogue in memory and without a job queue, so that
 /// sessions and uploads can be deleted.

@@ -4,6 +4,7 @@
 
 mod access;
 mod bench;
+mod calibrations;
 mod charts;
 mod clients;
 pub mod config;
@@ -64,6 +65,7 @@ use keys::Keys;
 use metrics::Metrics;
 use nacre_base::Error;
 use nacre_capture::Failure;
+use nacre_capture::ids::is_id;
 use nacre_capture::page::Link;
 use nacre_capture::plan::Limits;
 use nacre_capture::rig::Place;
@@ -79,9 +81,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
-use ulid::{Generator, Ulid};
+use ulid::Ulid;
 
 pub use extract::{At, Body, Params};
+pub use nacre_capture::ids::new_id;
 pub use router::openapi;
 
 /// Most runs that are kept after their end.
@@ -333,17 +336,7 @@ pub async fn serve(
 /// # Errors
 /// `not-found` otherwise.
 pub fn check_id(id: &str) -> Answer<()> {
-    let plain = id.len() == 26 && id.bytes().all(|b| b.is_ascii_digit() || b.is_ascii_uppercase());
-    if plain { Ok(()) } else { Err(Problem::not_found("entry with this id")) }
-}
-
-/// Ids of the same millisecond increase, too.
-static IDS: Mutex<Generator> = Mutex::new(Generator::new());
-
-/// A new id; later ids sort after earlier ones.
-pub fn new_id() -> String {
-    let mut ids = IDS.lock().unwrap_or_else(PoisonError::into_inner);
-    ids.generate().unwrap_or_else(|overflow| overflow.commit_overflow_increment()).to_string()
+    if is_id(id) { Ok(()) } else { Err(Problem::not_found("entry with this id")) }
 }
 
 /// Runs work that computes or reads files on a thread where it may block.
@@ -373,15 +366,4 @@ pub fn picture_width(asked: Option<usize>, usual: usize) -> Answer<usize> {
 pub fn png(encoded: std::io::Result<Vec<u8>>) -> Answer<impl IntoResponse> {
     let bytes = encoded.map_err(|e| Problem::bad(e.to_string()))?;
     Ok(([(header::CONTENT_TYPE, "image/png")], bytes))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::new_id;
-
-    #[test]
-    fn ids_of_one_millisecond_are_in_order() {
-        let ids: Vec<String> = (0..1000).map(|_| new_id()).collect();
-        assert!(ids.windows(2).all(|pair| pair[0] < pair[1]));
-    }
 }

@@ -1,12 +1,15 @@
 //! `/api/v1/plans`: checks and estimates of plans.
 
+use super::paths::without_folders;
 use super::problem::{Answer, Problem};
 use super::{App, Body};
 use axum::Json;
 use axum::extract::State;
 use nacre_base::estimate::Machine;
 use nacre_base::text::from_toml;
+use nacre_capture::calibrations::Chosen;
 use nacre_capture::plan::Plan;
+use nacre_frames::Calibration;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
@@ -39,8 +42,13 @@ pub struct Checked {
     frames: usize,
     /// Fewest frames that it stores. Less than `frames` for a series that stops at a σ.
     least_frames: usize,
-    /// Limits of the bench that it exceeds.
+    /// Limits of the bench that it exceeds, and listed calibrations that do not apply.
     problems: Vec<String>,
+    /// Reasons why stored calibrations are not used, such as their age.
+    warnings: Vec<String>,
+    /// Stored calibrations that the session would use now, with their origins.
+    #[schema(value_type = Option<Object>)]
+    calibration: Option<Calibration>,
     /// For fringes: shortest period in µm whose first order reaches the panel from the middle of the sample, for
     /// grating vectors at 0, 15, … 165 degrees; null where none does.
     shortest_um: Option<Vec<Option<f64>>>,
@@ -96,7 +104,7 @@ impl PlanBody {
         plan.check_texts()
             .and_then(|()| plan.check_values())
             .map_err(|problem| Problem::bad(problem).remedy("see /api/v1/plans/schema"))?;
-        Ok(plan)
+        Ok(plan.completed())
     }
 }
 
@@ -112,13 +120,21 @@ pub async fn schema() -> Json<serde_json::Value> {
     responses((status = 200, body = Checked), (status = 400, body = Problem), (status = 409, body = Problem)))]
 pub async fn check(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> Answer<Json<Checked>> {
     let plan = body.plan()?;
-    let problems = plan.check_limits(&app.limits);
-    let shown = plan.clone().with_fringes(&app.setup, &app.limits);
+    let mut problems = plan.check_limits(&app.limits);
+    let [least_frames, frames] = plan.clone().with_fringes(&app.setup, &app.limits).frame_counts();
+    let (chooser, asked) = (app.clone(), plan.clone());
+    let chosen = super::blocking(move || Ok(chooser.chosen_calibrations(&asked))).await?;
+    let chosen = chosen.unwrap_or_else(|problem| {
+        problems.push(problem.detail().to_owned());
+        Chosen::default()
+    });
     Ok(Json(Checked {
         sound: problems.is_empty(),
-        frames: shown.most_steps().len(),
-        least_frames: shown.steps().len(),
+        frames,
+        least_frames,
         problems,
+        warnings: chosen.warnings.iter().map(|warning| without_folders(warning)).collect(),
+        calibration: chosen.calibration,
         shortest_um: plan.reach(&app.setup, &app.limits).map(|reach| reach.shortest_um),
         plan,
     }))

@@ -3,9 +3,9 @@
 use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
-    App, access, charts, connections, deletion, devices, display, map_list, map_regions, measure, naming, operations,
-    plans, preview, queue, reconstructions, renders, results, samples, scene_editing, session_data, sessions, settings,
-    stored_uploads, tiles, trash, uploads, view,
+    App, access, calibrations, charts, connections, deletion, devices, display, map_list, map_regions, measure, naming,
+    operations, plans, preview, queue, reconstructions, renders, results, samples, scene_editing, session_data,
+    sessions, settings, stored_uploads, tiles, trash, uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
@@ -124,6 +124,11 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(stored_uploads::list))
         .routes(routes!(naming::upload, deletion::upload))
         .routes(routes!(deletion::of_upload))
+        .routes(routes!(calibrations::keep, calibrations::list))
+        .routes(routes!(calibrations::get, calibrations::delete))
+        .routes(routes!(calibrations::deletion))
+        .routes(routes!(calibrations::list_files))
+        .routes(routes!(calibrations::file))
         .routes(routes!(trash::list, trash::empty))
         .routes(routes!(trash::delete))
         .routes(routes!(trash::restore))

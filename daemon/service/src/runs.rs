@@ -270,6 +270,7 @@ fn note(entry: &Entry) -> Option<String> {
         Entry::Stopped { reason, .. } => format!("stopped: {reason}"),
         Entry::Chosen { added: Added::Angle { analyser_deg }, .. } => format!("next angle: {analyser_deg}°"),
         Entry::Chosen { added: Added::Fringes { fringes }, .. } => format!("more fringes: {fringes}"),
+        Entry::Chosen { added: Added::Crossed { crossed_deg }, .. } => format!("crossed direction: {crossed_deg}°"),
         Entry::Ended(end) => end.text(),
         Entry::Sealed { .. } | Entry::Intent { .. } | Entry::Committed(_) => return None,
     };

@@ -219,7 +219,8 @@ fn perform(run: &Run, kind: SampleKind, new: bool) -> Result<(), Failure> {
     let runtime = runtime()?;
     let place = SimulatedBench::Here { config: Box::new(bench(kind, run.plan.kind)), real_time: true }.into();
     let mut rig = Rig::open(&runtime, &place, Uses::SESSION, &Silent, &Stop::default())?;
-    capture(run, &runtime, &mut rig, new);
+    // The bench of a sample is not the one that calibrations describe.
+    capture(run, &runtime, &mut rig, new, None);
     Ok(())
 }
 

@@ -9,6 +9,7 @@ use nacre_capture::naming;
 use nacre_capture::plan::Plan;
 use nacre_capture::session::{Ending, Journal, SESSION_FILE, SessionFile, SoFar, Timing, unreadable_journal};
 use nacre_drivers::DeviceError;
+use nacre_frames::Calibration;
 use nacre_store::catalogue::SessionRow;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -60,6 +61,12 @@ pub struct SessionDoc {
     /// `retry`, `lost`, `stop` or `setup`.
     #[schema(value_type = Option<Object>)]
     fault: Option<DeviceError>,
+    /// Warnings at its start, such as calibrations that are too old.
+    warnings: Vec<String>,
+    /// Stored calibrations that apply to its frames, with their origins; omitted in lists and events.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    calibration: Option<Calibration>,
     /// Whether the session contains results of a reconstruction.
     has_results: bool,
     /// Time spent in each activity.
@@ -82,7 +89,8 @@ impl SessionDoc {
         }
         let row = SessionRow::read(&folder)?;
         let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| unreadable_journal(&folder, &e))?;
-        let plan = SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?.plan;
+        let SessionFile { plan, warnings, calibration, .. } =
+            SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?;
         let mut doc = Self {
             id: id.to_owned(),
             name: row.name,
@@ -102,6 +110,8 @@ impl SessionDoc {
             activity: None,
             error: journal.why_stopped().map(|why| without_folders(&why)),
             fault: journal.fault().cloned(),
+            warnings: warnings.iter().map(|warning| without_folders(warning)).collect(),
+            calibration: calibration.filter(|_| with_plan),
             has_results: folder.join("results/report.json").exists(),
             timing: journal.timing(),
             plan: with_plan.then_some(plan),
@@ -148,6 +158,8 @@ impl SessionDoc {
             activity: None,
             error: None,
             fault: None,
+            warnings: vec![],
+            calibration: None,
             has_results: false,
             timing: None,
             plan: with_plan.then(|| plan.clone()),

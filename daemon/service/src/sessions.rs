@@ -2,6 +2,7 @@
 
 use super::keys::Keyed;
 use super::pace::Expected;
+use super::paths::without_folders;
 use super::plans::PlanBody;
 use super::problem::{Answer, Kind, Problem};
 use super::runs::{Run, history, now};
@@ -12,6 +13,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_capture::Failure;
+use nacre_capture::calibrations::Choice;
 use nacre_capture::engine::Input;
 use nacre_capture::plan::{Plan, PlanKind};
 use nacre_capture::rig::Rig;
@@ -45,7 +47,7 @@ pub struct Search {
     #[param(max_length = 1000)]
     text: Option<String>,
     /// Filter by kind of plan.
-    #[param(value_type = Option<String>, pattern = "^(polarization|exposures|flash|spots|free)$")]
+    #[param(value_type = Option<String>, pattern = "^(polarization|exposures|flash|spots|free|calibration)$")]
     kind: Option<PlanKind>,
     /// Filter by state: `finished`, `stopped` or `unfinished`.
     #[param(value_type = Option<String>, pattern = "^(finished|stopped|unfinished)$")]
@@ -69,6 +71,8 @@ pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<PlanB
     if !problems.is_empty() {
         return Err(Problem::bad(problems.join("; ")).remedy("change the plan"));
     }
+    let (chooser, asked) = (app.clone(), plan.clone());
+    blocking(move || chooser.chosen_calibrations(&asked)).await?;
     let expected = expected(&app, &plan).await;
     let mut turn = app.keys.turn(key).await;
     // If the session was deleted since, a new one is started.
@@ -109,7 +113,8 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
     let before = app.runs.insert(run.clone());
     let begun = app.bench.begin(&run.id, run.control.clone(), move |owner| {
         let (app, run) = worker;
-        capture(&run, &owner.runtime, &mut owner.rig, new);
+        let choice = app.calibration_choice();
+        capture(&run, &owner.runtime, &mut owner.rig, new, Some(choice));
         move || {
             run.end();
             app.metrics.session_ended(run.control.state());
@@ -126,18 +131,27 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
     Ok(())
 }
 
-/// Takes the frames of a run with these devices, all or the missing ones, and computes the results.
-pub fn capture(run: &Run, runtime: &Runtime, rig: &mut Rig, new: bool) {
+/// Takes the frames of a run with these devices, all or the missing ones, and computes the results. New sessions use
+/// stored calibrations, if any.
+pub fn capture(run: &Run, runtime: &Runtime, rig: &mut Rig, new: bool, calibrations: Option<Choice>) {
     let control = run.control.clone();
-    let mut capture = Capture { runtime, rig, control, observer: run, elsewhere: Some(&work::session) };
+    let mut capture = Capture { runtime, rig, control, observer: run, elsewhere: Some(&work::session), calibrations };
     let taken = if new {
         capture.begin(run.plan.clone(), &run.folder, MortalDisk::default())
     } else {
         capture.resume(&run.folder, MortalDisk::default())
     };
     match taken {
-        Ok(taken) if taken.results.is_some() => run.events.push_at("results", now(), &json!({})),
-        Ok(_) | Err(Failure::Processing(nacre_base::Error::Cancelled)) => {}
+        Ok(taken) => {
+            let kept = taken.kept.map(|record| format!("kept as calibration {}", record.id));
+            for text in kept.into_iter().chain(taken.warnings) {
+                run.events.push_at("note", now(), &json!({ "text": without_folders(&text) }));
+            }
+            if taken.results.is_some() {
+                run.events.push_at("results", now(), &json!({}));
+            }
+        }
+        Err(Failure::Processing(nacre_base::Error::Cancelled)) => {}
         Err(failure) => failed(run, failure),
     }
 }

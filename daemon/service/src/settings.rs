@@ -21,8 +21,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use utoipa::ToSchema;
 
 /// Keys that take effect when they are saved. All others do so after a restart.
-const AT_ONCE: [&str; 6] =
-    ["hosts", "tokens", "limits.upload_mib", "limits.upload_days", "limits.trash_days", "limits.request_s"];
+const AT_ONCE: [&str; 7] = [
+    "hosts",
+    "tokens",
+    "calibration.max_age_days",
+    "limits.upload_mib",
+    "limits.upload_days",
+    "limits.trash_days",
+    "limits.request_s",
+];
 
 /// Largest configuration in bytes.
 const LIMIT: u64 = 1 << 20;

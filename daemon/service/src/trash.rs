@@ -1,4 +1,5 @@
-//! `/api/v1/trash`: deleted sessions, uploads and reconstructions, until restored, deleted for good, or expired.
+//! `/api/v1/trash`: deleted sessions, uploads, reconstructions and calibrations, until restored, deleted for good, or
+//! expired.
 //!
 //! `trash/ID/` in the data folder holds `deleted.json`, and the deleted folders under their former paths. An entry
 //! without `deleted.json` is the remainder of an interrupted deletion.
@@ -11,6 +12,7 @@ use axum::extract::State;
 use axum::http::StatusCode;
 use nacre_base::input;
 use nacre_base::temporary::TemporaryFolder;
+use nacre_capture::calibrations;
 use nacre_store::catalogue::DELETED_FILE;
 use nacre_store::jobs::Saved;
 use serde::{Deserialize, Serialize};
@@ -25,7 +27,7 @@ use utoipa::ToSchema;
 const MAX_BYTES: u64 = 16 << 20;
 
 /// Folders of the data folder whose contents can be deleted.
-const FROM: [&str; 3] = ["sessions", "reconstructions", "uploads"];
+const FROM: [&str; 4] = ["sessions", "reconstructions", "uploads", calibrations::FOLDER];
 
 /// Kind of an entry in the trash.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -37,6 +39,8 @@ pub enum Thing {
     Upload,
     /// A reconstruction or rendering, with the uploads that no other one used.
     Reconstruction,
+    /// A calibration.
+    Calibration,
 }
 
 /// Contents of `deleted.json`.

@@ -37,8 +37,8 @@ Photograph a uniform surface (white paper for diffuse light, a mirror for mirror
 the sample, 16 times or more, with the lens, aperture, focus, pattern and light of the sessions. The
 flat field is valid for these alone. At each angle of an analyser, photographs are averaged together.
 
-Writes report.json, calibration.json, flat.exr (values of a photograph, for the key \"flat\" of a
-frames.json) and flat.png."
+Writes report.json, calibration.json, flat.exr (relative light, for the key \"flat\" of a frames.json)
+and flat.png."
 ))]
 pub struct Options {}
 
@@ -178,24 +178,14 @@ fn doubts(sigma: f64, darkest: f64) -> Vec<String> {
     doubts
 }
 
-/// Writes the flat field as a photograph of half the range of the files, so that any program that reads them reads it
-/// alike, and as a picture.
+/// Writes the flat field as relative light, and as a picture.
 fn write(frames: &LoadedFrames, relative: &[f32], out: &OutputFolder) -> Result<()> {
     let (width, height) = (frames.info.width, frames.info.height);
-    let set = &frames.set;
-    let black = set.black.unwrap_or(0.0);
-    let white = set.white.unwrap_or(f64::from(frames.info.depth.full_scale()));
-    let highest = relative.iter().fold(f32::MIN, |a, b| a.max(*b)).max(1e-6);
-    let value = |v: f32| {
-        let light = f64::from(v / highest) * 0.5;
-        (black + set.transfer.encode(light.max(0.0)) * (white - black)) as f32
-    };
     let channels: Vec<&str> = if frames.info.channels == 1 { vec!["Y"] } else { vec!["R", "G", "B"] };
-    let units = [("units", Attribute::Text("values of a photograph (DN)".into()))];
-    let row = |_: usize, y: usize, row: &mut [f32]| {
-        row.iter_mut().zip(&relative[y * width..][..width]).for_each(|(out, v)| *out = value(*v));
-    };
+    let units = [("units", Attribute::Text("light relative to its mean".into()))];
+    let row = |_: usize, y: usize, row: &mut [f32]| row.copy_from_slice(&relative[y * width..][..width]);
     write_exr(&out.path(FLAT), width, height, &channels, &units, &row)?;
+    let highest = relative.iter().fold(f32::MIN, |a, b| a.max(*b)).max(1e-6);
     let grey: Vec<u8> = relative.iter().map(|v| (255.0 * (v / highest).clamp(0.0, 1.0)).round() as u8).collect();
     write_png8(&out.path("flat.png"), width, height, 1, &grey)?;
     Ok(())

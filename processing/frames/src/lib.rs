@@ -87,6 +87,7 @@ pub struct FrameSet {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark: Option<PathBuf>,
     /// Photograph of a uniformly reflecting surface; intensities are divided by it relative to its mean (flat field).
+    /// A file in floating point beside photographs in integers holds relative light.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flat: Option<PathBuf>,
     /// Centre wavelength of the filter in nm.

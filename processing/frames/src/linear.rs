@@ -3,7 +3,7 @@
 use super::{Clipping, Frame, FrameSet, LoadedFrames, Transfer};
 use nacre_base::vectors::vectorised;
 use nacre_base::{Error, Result};
-use nacre_image::{Depth, Raster, Samples, read_into};
+use nacre_image::{Depth, Info, Raster, Samples, read_into};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -134,10 +134,15 @@ impl Linearizer {
         self.spare().clear();
     }
 
-    /// Light of a whole photograph, row by row.
+    /// Light of a whole photograph, row by row. A file in floating point beside photographs in integers holds relative
+    /// light, and 0 where it is not a number.
     pub fn plane(&self, path: &Path) -> Result<Vec<f32>> {
         let frame = self.read(path, 1.0)?;
         let width = frame.raster.width;
+        if let (Samples::F32(v), false) = (&frame.raster.samples, self.table.is_empty()) {
+            let own = v.iter().skip(self.channel).step_by(frame.raster.channels);
+            return Ok(own.map(|v| if v.is_finite() { *v } else { 0.0 }).collect());
+        }
         let (mut light, mut bad) = (vec![0.0; width * frame.raster.height], vec![0; width]);
         for (y, row) in light.chunks_mut(width).enumerate() {
             frame.row(y, row, &mut bad);
@@ -148,6 +153,13 @@ impl Linearizer {
     fn light(&self, value: f32) -> f32 {
         self.transfer.decode((value - self.black) * self.factor)
     }
+}
+
+/// True for a flat field in floating point beside photographs in integers: it holds relative light, as `nacre calibrate
+/// flat` writes it.
+pub(crate) fn is_relative(flat: Info, photographs: Info) -> bool {
+    let same = Info { depth: photographs.depth, ..flat } == photographs;
+    same && flat.depth == Depth::F32 && photographs.depth != Depth::F32
 }
 
 fn levels(set: &FrameSet, depth: Depth) -> (f32, f32) {
@@ -225,5 +237,36 @@ fn integers<T: Copy + Into<u16>>(v: &[T], step: usize, frame: &LinearFrame, ligh
         let value = usize::from((*value).into());
         *bad |= u8::from(value >= saturated);
         *out = l.table[value] * scale;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Kind, load, save};
+    use nacre_image::{write_exr, write_png16_gray};
+
+    #[test]
+    fn a_flat_field_in_floating_point_is_relative_light() {
+        let place = tempfile::tempdir().unwrap();
+        let path = |name: &str| place.path().join(name);
+        write_png16_gray(&path("a.png"), 2, 1, &[1064, 2064]).unwrap();
+        let values = [0.5, f32::NAN];
+        write_exr(&path("flat.exr"), 2, 1, &["flat"], &[], &|_, _, row: &mut [f32]| row.copy_from_slice(&values))
+            .unwrap();
+        let set = FrameSet {
+            flat: Some("flat.exr".into()),
+            black: Some(64.0),
+            white: Some(4095.0),
+            ..FrameSet::new(Kind::Free, vec![Frame::new("a.png")])
+        };
+        std::fs::write(path("frames.json"), save(&set)).unwrap();
+        let frames = load(place.path()).unwrap();
+        let linearizer = Linearizer::new(&frames).unwrap();
+        assert_eq!(linearizer.plane(&path("flat.exr")).unwrap(), [0.5, 0.0]);
+        assert!((linearizer.plane(&path("a.png")).unwrap()[0] - 1000.0 / 4031.0).abs() < 1e-6);
+        // Another size is refused.
+        write_exr(&path("flat.exr"), 1, 1, &["flat"], &[], &|_, _, row: &mut [f32]| row.fill(1.0)).unwrap();
+        assert!(load(place.path()).unwrap_err().to_string().contains("flat.exr"));
     }
 }

@@ -1,12 +1,12 @@
 //! Reading and validation of `frames.json`, which may come from any source and is not trusted.
 
-use super::stated::Stated;
 use super::{
     Calibration, Channel, Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, Layout, SESSION_FILE, Spot, Transfer,
 };
+use super::{linear::is_relative, stated::Stated};
 use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
-use nacre_image::{Depth, Info, Raster, Samples, details, read};
+use nacre_image::{Info, Raster, Samples, details, read};
 use std::path::{Component, Path, PathBuf};
 
 /// Maximum size of a `frames.json`; 10,000 frames need about 1 MiB.
@@ -298,11 +298,12 @@ fn check_files(path: &Path, folder: &Path, set: &FrameSet) -> Result<(Info, Stat
         let file = inside(path, folder, &key, name)?;
         let details = details(&file)?;
         let found = details.info;
+        if key == "flat" && common.as_ref().is_some_and(|(_, wanted)| is_relative(found, *wanted)) {
+            continue;
+        }
         stated.add(file.clone(), details);
         match &common {
             None => common = Some((file, found)),
-            // A flat field may be the mean of many photographs.
-            Some((_, wanted)) if key == "flat" && found == (Info { depth: Depth::F32, ..*wanted }) => {}
             Some((first, wanted)) if *wanted != found => {
                 return Err(Error::file(
                     &file,

@@ -2,7 +2,7 @@
 
 use super::Observer;
 use crate::failure::Failure;
-use crate::plan::{Added, Plan, PlanKind, Role, Step};
+use crate::plan::{Added, CalibrationKind, Plan, PlanKind, Role, Step};
 use crate::session::{self, Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
 use nacre_base::Error;
 use nacre_drivers::CameraInfo;
@@ -12,6 +12,9 @@ use nacre_polarimetry::NoiseModel;
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
+
+/// Largest relative difference of equal gains; cameras round the requested one.
+const SAME_GAIN: f64 = 0.01;
 
 /// Message from the engine to the storage thread.
 pub enum Message {
@@ -153,7 +156,7 @@ fn stored_factor(camera: &CameraInfo, average: u32) -> u32 {
 
 /// Description of one frame of the series as in `frames.json`; `steps` are those of the plan.
 fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f64)) -> nacre_frames::Frame {
-    let kind = session::frames_kind(plan.kind);
+    let kind = session::frames_kind(plan);
     let free = kind == Kind::Free;
     let spot = match step.state.pattern {
         nacre_drivers::Pattern::Disc { center_mm, diameter_mm } if free || kind == Kind::Spots => {
@@ -165,7 +168,7 @@ fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f
         nacre_drivers::Pattern::Fringes { cycles_per_mm, phase, .. } => Some(Fringes { cycles_per_mm, phase }),
         _ => None,
     };
-    let dark = plan.subtracted(steps, step.state.exposure_ms).filter(|_| !has_one_exposure(plan));
+    let dark = plan.subtracted_from(steps, step).filter(|_| !has_one_exposure(plan));
     nacre_frames::Frame {
         file: PathBuf::from(&step.file),
         analyser_deg: step.state.analyser_deg,
@@ -181,7 +184,12 @@ fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f
 
 /// True if one dark photograph applies to all frames.
 fn has_one_exposure(plan: &Plan) -> bool {
-    plan.kind == PlanKind::Polarization && plan.exposures_ms.is_empty()
+    let one = match plan.kind {
+        PlanKind::Polarization => true,
+        PlanKind::Calibration => plan.measures() != Some(CalibrationKind::Camera),
+        _ => false,
+    };
+    one && plan.exposures_ms.is_empty()
 }
 
 /// The session's `frames.json` with these frames.
@@ -191,18 +199,27 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<nac
     let factor = f64::from(stored_factor(camera, count));
     // A mean of n frames corresponds to n times the electrons and √n times the read noise.
     let n = f64::from(count);
-    let noise = camera.full_scale_e.zip(camera.read_noise_e);
+    let calibration = description.calibration.as_ref();
+    let measured = calibration.and_then(|c| c.camera.as_ref());
+    let stated = camera.full_scale_e.zip(camera.read_noise_e);
+    let stated = stated.map(|(full_scale_e, read_noise_e)| NoiseModel { full_scale_e, read_noise_e });
+    let noise = measured.map(|c| c.noise).or(stated);
+    // Levels of another gain differ.
+    let levels = measured.filter(|c| (c.gain / plan.camera.gain - 1.0).abs() < SAME_GAIN);
+    let [black, white] = levels.map_or([camera.black, camera.white].map(f64::from), |c| [c.black, c.white]);
     FrameSet {
         illumination: plan.light(),
-        black: Some(f64::from(camera.black) * factor),
-        white: Some(f64::from(camera.white) * factor),
-        noise: noise.map(|(full, read)| NoiseModel { full_scale_e: full * n, read_noise_e: read * n.sqrt() }),
+        black: Some(black * factor),
+        white: Some(white * factor),
+        noise: noise.map(|e| NoiseModel { full_scale_e: e.full_scale_e * n, read_noise_e: e.read_noise_e * n.sqrt() }),
+        flat: calibration.and_then(|c| c.flat.as_ref()).map(|flat| flat.file.clone()),
+        calibration: description.calibration.clone(),
         dark: plan.subtracted(&plan.steps(), None).filter(|_| has_one_exposure(plan)).map(PathBuf::from),
         wavelength_nm: setup.wavelength_nm,
         band_nm: setup.band_nm,
         geometry: setup.geometry.map(|geometry| relative_to_roi(geometry, plan, camera)),
         panel_mm: setup.panel_mm,
-        ..FrameSet::new(session::frames_kind(plan.kind), frames)
+        ..FrameSet::new(session::frames_kind(plan), frames)
     }
 }
 

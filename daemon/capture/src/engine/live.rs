@@ -2,6 +2,7 @@
 //! computes it.
 
 use super::Observer;
+use super::crossed::crossed;
 use super::frame_writer::{Arrival, frame_set};
 use super::series::{Decision, decide, decide_fringes};
 use crate::plan::{Plan, PlanKind};
@@ -51,6 +52,10 @@ impl Live<'_> {
             self.follow_fringes(arrivals);
             return None;
         }
+        if self.deciding.is_some() && !plan.crossed_offsets_deg().is_empty() {
+            self.follow_turn(arrivals);
+            return None;
+        }
         let wanted = plan.reconstruct.as_ref().is_some_and(|r| r.operation.is("polarization"));
         let looked_at = plan.kind == PlanKind::Polarization && self.observer.wants_map();
         if !wanted && !looked_at && self.deciding.is_none() {
@@ -95,6 +100,20 @@ impl Live<'_> {
         }
     }
 
+    /// Decides the angles around the crossed direction once the full turn has arrived.
+    fn follow_turn(&mut self, arrivals: Receiver<Arrival>) {
+        let mut there = BTreeMap::new();
+        for Arrival { index, frame } in arrivals {
+            there.insert(index, frame);
+            if let Some(Deciding { limits_deg, decisions, .. }) = self.deciding.take_if(|d| there.len() == d.known) {
+                let turn: Vec<&Frame> = there.values().collect();
+                let decision = crossed(self.folder, &turn, &self.description.plan, limits_deg).map(Decision::Last);
+                // The receiver may be gone.
+                let _ = decisions.send(decision);
+            }
+        }
+    }
+
     fn take_in_fringes(&mut self, survey: &mut Option<Survey>, there: &BTreeMap<usize, Frame>) -> Result<()> {
         let plan = &self.description.plan;
         let (Some(wanted), Some(deciding)) = (plan.until_decided(), &mut self.deciding) else { return Ok(()) };
@@ -113,7 +132,7 @@ impl Live<'_> {
         let _ = deciding.decisions.send(Ok(decision));
         match decision {
             Decision::Next { added, .. } => deciding.known += plan.frames_of(added, survey.added()),
-            Decision::End(_) => self.deciding = None,
+            Decision::Last(_) | Decision::End(_) => self.deciding = None,
         }
         Ok(())
     }
@@ -161,7 +180,7 @@ impl Live<'_> {
         let _ = deciding.decisions.send(Ok(decision));
         match decision {
             Decision::Next { added, .. } => deciding.known += plan.frames_of(added, running.added()),
-            Decision::End(_) => self.deciding = None,
+            Decision::Last(_) | Decision::End(_) => self.deciding = None,
         }
         Ok(())
     }

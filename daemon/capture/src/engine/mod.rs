@@ -12,6 +12,7 @@ mod activity;
 mod bench_controller;
 #[cfg(test)]
 mod bench_controller_tests;
+mod crossed;
 mod frame_writer;
 mod live;
 mod meter;
@@ -145,7 +146,8 @@ impl Engine<'_> {
             let _ = self.control.send(Input::Fault);
             return Err(error.into());
         }
-        let deciding = (plan.is_open() && ended.is_none()).then(|| Deciding {
+        let open = plan.is_open() && ended.is_none() || plan.awaits_crossed(&chosen);
+        let deciding = open.then(|| Deciding {
             known: steps.iter().filter(|s| s.role == Role::Series).count(),
             limits_deg: self.devices.stage.describe().limits_deg,
             decisions,

@@ -111,19 +111,29 @@ impl Sequencer<'_> {
                         SoFar::Sigma(s) => (s.sigma_deg, None),
                         SoFar::Fringes(f) => (None, f.undecided),
                     };
-                    let known = self.plan.steps_with(&chosen).len();
-                    // Written to the journal before any of its frames, so that a resumed session captures the same.
-                    self.note(Entry::Chosen { added, sigma_deg, undecided }).await?;
-                    chosen.push(added);
-                    let steps = self.plan.steps_with(&chosen);
-                    for i in known..steps.len() {
-                        self.wait_while_paused().await?;
-                        self.with_retries(&steps[i..=i], i).await?;
-                    }
+                    self.capture_addition(&mut chosen, Entry::Chosen { added, sigma_deg, undecided }, added).await?;
+                }
+                Decision::Last(added) => {
+                    let entry = Entry::Chosen { added, sigma_deg: None, undecided: None };
+                    return self.capture_addition(&mut chosen, entry, added).await;
                 }
                 Decision::End(end) => return self.note(Entry::Ended(end)).await,
             }
         }
+    }
+
+    /// Captures the frames of one addition.
+    async fn capture_addition(&mut self, chosen: &mut Vec<Added>, entry: Entry, added: Added) -> Result<(), Failure> {
+        let known = self.plan.steps_with(chosen).len();
+        // Written to the journal before any of its frames, so that a resumed session captures the same.
+        self.note(entry).await?;
+        chosen.push(added);
+        let steps = self.plan.steps_with(chosen);
+        for i in known..steps.len() {
+            self.wait_while_paused().await?;
+            self.with_retries(&steps[i..=i], i).await?;
+        }
+        Ok(())
     }
 
     /// Waits while the run is paused; `Cancelled` if it must stop.

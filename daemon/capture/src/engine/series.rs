@@ -16,6 +16,8 @@ pub enum Decision {
         /// State before the addition.
         so_far: SoFar,
     },
+    /// Continue with this addition, and end.
+    Last(Added),
     /// End of the series.
     End(SeriesEnd),
 }

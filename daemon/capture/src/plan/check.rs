@@ -1,5 +1,6 @@
 //! Validation of a plan, by itself and against a bench.
 
+use super::calibration::MOST_LEVELS;
 use super::estimate::{Limits, light_on_s};
 use super::steps::groups;
 use super::{AnalyserPlan, DisplayPlan, Plan, PlanKind, Step};
@@ -35,7 +36,7 @@ impl Plan {
         let is_json = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
         let plan: Self = if is_json { from_json(&text) } else { from_toml(&text) }.map_err(bad)?;
         plan.check_texts().and_then(|()| plan.check_values()).map_err(bad)?;
-        Ok(plan)
+        Ok(plan.completed())
     }
 
     /// Validates all numbers, except for device limits.
@@ -44,6 +45,7 @@ impl Plan {
     /// A sentence with the key, the value and the permitted range.
     pub fn check_values(&self) -> Result<(), String> {
         self.check_sections()?;
+        self.check_calibration()?;
         if self.illumination.is_some() && self.kind != PlanKind::Polarization {
             return Err("illumination belongs to plans of kind polarization; remove it".into());
         }
@@ -90,12 +92,13 @@ impl Plan {
     /// Checks that the sections match the plan's kind.
     fn check_sections(&self) -> Result<(), String> {
         let kind = super::word(self.kind);
-        let bracketed = matches!(self.kind, PlanKind::Polarization | PlanKind::Flash);
+        let bracketed = matches!(self.kind, PlanKind::Polarization | PlanKind::Flash) || self.levels().is_some();
         let needs_exposures = self.kind == PlanKind::Exposures && self.bracket.is_none();
         for (key, given, belongs) in [
             ("exposures_ms", !self.exposures_ms.is_empty() && (!bracketed || self.bracket.is_some()), needs_exposures),
             ("spots", self.spots.is_some(), self.kind == PlanKind::Spots),
             ("steps", !self.steps.is_empty(), self.kind == PlanKind::Free),
+            ("calibration", self.calibration.is_some(), self.kind == PlanKind::Calibration),
         ] {
             match (given, belongs) {
                 (true, false) => {
@@ -147,12 +150,13 @@ impl Plan {
             "flash" => self.kind == PlanKind::Flash,
             "hdr" | "lut" | "bokeh" => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
             // Other operations take other input, or need more information than a plan has.
-            _ => false,
+            _ => self.measures().is_some_and(|kind| kind.name() == name),
         };
         if !fits {
             return Err(format!("reconstruct.operation is {name}, but the plan's kind is {kind}; remove it"));
         }
-        if name != "polarization" && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
+        let turns = self.kind == PlanKind::Polarization || self.measures().is_some();
+        if !turns && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
             return Err(format!(
                 "reconstruct.operation {name} merges one view, but analyser names several angles; name one"
             ));
@@ -183,9 +187,10 @@ impl Plan {
         if self.camera.exposure_ms.is_some() || self.camera.exposure.is_some() {
             return Err("camera.exposure_ms or exposure and exposures_ms are both given; keep one".into());
         }
-        if self.exposures_ms.len() > MAX_BRACKET {
+        let most = if self.levels().is_some() { MOST_LEVELS } else { MAX_BRACKET };
+        if self.exposures_ms.len() > most {
             let n = self.exposures_ms.len();
-            return Err(format!("exposures_ms holds {n} exposures at each angle; give at most {MAX_BRACKET}"));
+            return Err(format!("exposures_ms holds {n} exposures at each angle; give at most {most}"));
         }
         let twice = self.exposures_ms.iter().enumerate().find(|(i, ms)| self.exposures_ms[..*i].contains(ms));
         twice.map_or(Ok(()), |(_, ms)| Err(format!("exposures_ms holds {ms} twice; average instead (camera.average)")))
@@ -204,7 +209,14 @@ impl Plan {
         let steps = self.most_steps();
         let exposures = camera.exposure_s.map(|s| 1000.0 * s);
         let of_steps = |problem: &dyn Fn(&Step) -> Option<String>| steps.iter().find_map(problem);
-        let shutter = format!("extras has a dark frame, but the {} has no shutter; leave it out", camera.id);
+        let dark = self.extras_taken().0.contains(&super::Extra::Dark);
+        let shutter = match self.levels() {
+            Some(_) => {
+                let id = &camera.id;
+                format!("the {id} has no shutter; darken the room, and give calibration.darkness = \"display_black\"")
+            }
+            None => format!("extras has a dark frame, but the {} has no shutter; leave it out", camera.id),
+        };
         [
             within("camera.gain", self.camera.gain, camera.gain, &camera.id),
             self.camera.exposure_ms.and_then(|ms| within("camera.exposure_ms", ms, exposures, &camera.id)),
@@ -228,7 +240,7 @@ impl Plan {
                 };
                 if fits { None } else { Some(problem()) }
             }),
-            Some(shutter).filter(|_| self.extras.contains(&super::Extra::Dark) && !camera.shutter),
+            Some(shutter).filter(|_| dark && !camera.shutter),
             self.check_roi(limits),
             self.check_flash(limits, &steps),
         ]

@@ -65,6 +65,11 @@ impl Plan {
     /// Time and disk space of a session with this exposure time, without metering. `stands_deg` is the present angle of
     /// the stage.
     pub fn estimate(&self, exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
+        if self.levels().is_some() && self.exposures_ms.is_empty() {
+            let exposures_ms = self.level_exposures_ms(exposure, limits.camera.exposure_s);
+            let estimate = self.clone().with_bracket(exposures_ms).estimate(exposure, limits, stands_deg);
+            return Estimate { exposure_s: exposure.as_secs_f64(), ..estimate };
+        }
         let most = self.estimate_of(&self.most_steps(), exposure, limits, stands_deg);
         let least = self.is_open().then(|| self.estimate_of(&self.steps(), exposure, limits, stands_deg));
         let least = least.map(|e| Least { frames: e.frames, seconds: e.seconds, bytes: e.bytes });

@@ -70,6 +70,11 @@ pub enum Added {
         /// Total number of fringes, including the new ones.
         fringes: u32,
     },
+    /// The angles around the crossed direction of an analyser, which complete its calibration.
+    Crossed {
+        /// Angle of the stage in degrees with the least light.
+        crossed_deg: f64,
+    },
 }
 
 /// Number of fringes if the camera's noise is unknown.

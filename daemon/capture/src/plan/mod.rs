@@ -1,6 +1,7 @@
 //! Capture plans: patterns, rotations, exposures and flash as data, validated and estimated before any device moves.
 
 mod analyser;
+mod calibration;
 mod check;
 mod estimate;
 mod fringes;
@@ -9,6 +10,7 @@ mod results;
 mod steps;
 
 pub use analyser::{AnalyserPlan, UntilSigma};
+pub use calibration::{CalibrationKind, CalibrationPlan, CalibrationsPlan};
 pub use estimate::{Estimate, Least, Limits};
 pub(crate) use estimate::{approach, light_on_s};
 pub(crate) use fringes::MORE;
@@ -66,8 +68,9 @@ pub struct Plan {
     /// Angles of the analyser. Optional for kinds other than polarization; without it, the analyser is not moved.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analyser: Option<AnalyserPlan>,
-    /// Exposure times in ms, for kinds exposures and flash. For kind polarization: captured at each angle and merged
-    /// into one intensity, so that short exposures replace saturated pixels of long ones.
+    /// Exposure times in ms, for kinds exposures and flash, and for the calibration of a camera. For kind polarization:
+    /// captured at each angle and merged into one intensity, so that short exposures replace saturated pixels of long
+    /// ones.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exposures_ms: Vec<f64>,
     /// Exposure times determined by metering, for kinds exposures and flash; the session then states them as
@@ -77,6 +80,12 @@ pub struct Plan {
     /// Lit positions of the panel, for kind spots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spots: Option<SpotsPlan>,
+    /// Property to measure, for kind calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<CalibrationPlan>,
+    /// Stored calibrations that the session uses: "auto" (default), "off", or a list of their identifiers.
+    #[serde(default, skip_serializing_if = "CalibrationsPlan::is_auto")]
+    pub calibrations: CalibrationsPlan,
     /// The frames one by one, for kind free.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<FreeStep>,
@@ -140,6 +149,8 @@ pub enum PlanKind {
     Spots,
     /// Any quantity, frame by frame.
     Free,
+    /// The quantity that a calibration of the bench needs.
+    Calibration,
 }
 
 /// Camera settings of a plan.

@@ -138,7 +138,8 @@ impl JsonSchema for PlannedOperation {
 }
 
 /// Operations on frames that a plan can request.
-const PLANNED: [&str; 6] = ["polarization", "hdr", "lut", "bokeh", "spots", "flash"];
+const PLANNED: [&str; 10] =
+    ["polarization", "hdr", "lut", "bokeh", "spots", "flash", "camera", "flat", "analyser", "retarder"];
 
 /// An operation of the registry.
 #[derive(Clone, Copy)]

@@ -1,5 +1,6 @@
 //! Expansion of a plan into a list of frames.
 
+use super::calibration::thousandths;
 use super::fringes::EVEN;
 use super::{Added, AnalyserPlan, Extra, FreeStep, FringesPlan, Plan, PlanKind, UntilDecided, UntilSigma};
 use nacre_drivers::Pattern;
@@ -62,11 +63,17 @@ impl Plan {
         let series = self.series(chosen);
         let mut seen = BTreeSet::new();
         let exposures = series.iter().map(|s| s.exposure_ms).filter(|e| seen.insert(e.map(f64::to_bits)));
-        let exposures: Vec<Option<f64>> = exposures.collect();
-        let extras =
-            self.extras.iter().flat_map(|extra| exposures.iter().enumerate().map(move |(k, e)| (*extra, k, *e)));
-        let extras = extras.map(|(extra, number, exposure_ms)| Step {
-            file: extra_file(extra, (exposures.len() > 1).then_some(number)),
+        // Exposures that are not metered yet are equal.
+        let exposures: Vec<Option<f64>> = if self.levels().is_some() { self.exposures() } else { exposures.collect() };
+        let (extras, times) = self.extras_taken();
+        let numbered = |extra: Extra| {
+            let copies = move |(k, e): (usize, &Option<f64>)| {
+                (0..times).map(move |copy| (extra, k, copy, *e)).collect::<Vec<_>>()
+            };
+            exposures.iter().enumerate().flat_map(copies)
+        };
+        let extras = extras.into_iter().flat_map(numbered).map(|(extra, number, copy, exposure_ms)| Step {
+            file: extra_file(extra, (exposures.len() > 1).then_some(number), (times > 1).then_some(copy)),
             role: Role::Extra(extra),
             state: State {
                 pattern: Pattern::Black,
@@ -86,28 +93,36 @@ impl Plan {
         extras.chain(series).collect()
     }
 
-    /// Frame subtracted from one of the series, if the plan captures any: ambient light, or else the dark frame.
+    /// Frame subtracted from those of the series with an exposure, if the plan captures any: ambient light, or else the
+    /// dark frame.
     pub(crate) fn subtracted<'a>(&self, steps: &'a [Step], exposure_ms: Option<f64>) -> Option<&'a str> {
-        let of = |extra| {
-            let wanted = |s: &&Step| s.role == Role::Extra(extra) && s.state.exposure_ms == exposure_ms;
-            let extras = steps.iter().take_while(|s| s.role != Role::Series);
-            extras.filter(wanted).map(|s| s.file.as_str()).next()
-        };
-        of(Extra::DisplayBlack).or_else(|| of(Extra::Dark))
+        subtractable(steps, exposure_ms).first().copied()
+    }
+
+    /// Frame subtracted from this one of the series. Several frames of darkness at its exposure take turns.
+    pub(crate) fn subtracted_from<'a>(&self, steps: &'a [Step], step: &Step) -> Option<&'a str> {
+        let exposure_ms = step.state.exposure_ms;
+        let all = subtractable(steps, exposure_ms);
+        if all.len() < 2 {
+            return all.first().copied();
+        }
+        let mut alike = steps.iter().filter(|s| s.role == Role::Series && s.state.exposure_ms == exposure_ms);
+        Some(all[alike.position(|s| s.file == step.file)? % all.len()])
     }
 
     /// The plan with metered exposures.
-    pub fn with_bracket(self, exposures_ms: Vec<f64>) -> Self {
-        if self.bracket.is_none() {
-            return self;
+    pub fn with_bracket(mut self, exposures_ms: Vec<f64>) -> Self {
+        if self.bracket.is_some() || !exposures_ms.is_empty() {
+            (self.exposures_ms, self.bracket) = (exposures_ms, None);
+            (self.camera.exposure, self.camera.exposure_ms) = (None, None);
         }
-        Self { exposures_ms, bracket: None, ..self }
+        self
     }
 
     /// Exposures of each view: as stated, or the session's; before metering, the maximum number of unknown ones of a
-    /// bracket.
+    /// bracket, or those of a camera's calibration.
     fn exposures(&self) -> Vec<Option<f64>> {
-        let unknown = self.bracket.map_or(1, |b| b.at_most as usize);
+        let unknown = self.levels().or(self.bracket.map(|b| b.at_most)).unwrap_or(1) as usize;
         if self.exposures_ms.is_empty() {
             vec![None; unknown]
         } else {
@@ -148,7 +163,8 @@ impl Plan {
         let angles = self.until_sigma().map_or_else(Vec::new, |until| until.likely());
         let angles = angles.into_iter().map(|analyser_deg| Added::Angle { analyser_deg });
         let fringes = self.until_decided().map(|until| Added::Fringes { fringes: until.at_most });
-        self.steps_with(&angles.chain(fringes).collect::<Vec<_>>())
+        let crossed = self.awaits_crossed(&[]).then_some(Added::Crossed { crossed_deg: 90.0 });
+        self.steps_with(&angles.chain(fringes).chain(crossed).collect::<Vec<_>>())
     }
 
     /// Number of frames at each analyser angle of a polarization series.
@@ -171,16 +187,19 @@ impl Plan {
     }
 
     fn series(&self, chosen: &[Added]) -> Vec<State> {
-        let added = chosen.iter().filter_map(|a| match a {
-            Added::Angle { analyser_deg } => Some(*analyser_deg),
-            Added::Fringes { .. } => None,
+        let added = chosen.iter().flat_map(|a| match a {
+            Added::Angle { analyser_deg } => vec![*analyser_deg],
+            Added::Fringes { .. } => vec![],
+            Added::Crossed { crossed_deg } => {
+                self.crossed_offsets_deg().iter().map(|by| thousandths(crossed_deg + by)).collect()
+            }
         });
         let fringes = chosen.iter().rev().find_map(|a| match a {
             Added::Fringes { fringes } => Some(*fringes),
-            Added::Angle { .. } => None,
+            Added::Angle { .. } | Added::Crossed { .. } => None,
         });
         let angles = match &self.analyser {
-            Some(analyser) => analyser.known().iter().copied().chain(added).map(Some).collect(),
+            Some(analyser) => analyser.known().into_iter().chain(added).map(Some).collect(),
             None => vec![None],
         };
         let flash = self.kind == PlanKind::Flash;
@@ -209,6 +228,14 @@ impl Plan {
                 let at = |a: &Option<f64>| discs.iter().map(|d| State { pattern: *d, ..state(*a) }).collect::<Vec<_>>();
                 angles.iter().flat_map(at).collect()
             }
+            PlanKind::Calibration => {
+                let count = self.flat_frames().unwrap_or(if self.levels().is_some() { 2 } else { 1 }) as usize;
+                let states = angles.into_iter().flat_map(|a| {
+                    let exposures = self.exposures().into_iter();
+                    exposures.map(|exposure_ms| State { exposure_ms, ..state(a) }).collect::<Vec<_>>()
+                });
+                states.flat_map(|state| vec![state; count]).collect()
+            }
             PlanKind::Free => {
                 // Made explicit, so that a resumed session does not depend on the present angle of the analyser.
                 let mut angle = self.steps.iter().find_map(|s| s.analyser_deg);
@@ -232,9 +259,21 @@ impl Plan {
     }
 }
 
-fn extra_file(extra: Extra, number: Option<usize>) -> String {
-    let name = super::word(extra);
-    number.map_or_else(|| format!("frames/{name}.png"), |number| format!("frames/{name}_{number:02}.png"))
+fn extra_file(extra: Extra, number: Option<usize>, copy: Option<usize>) -> String {
+    let number = number.map_or_else(String::new, |number| format!("_{number:02}"));
+    let copy = copy.map_or_else(String::new, |copy| format!("_{copy}"));
+    format!("frames/{}{number}{copy}.png", super::word(extra))
+}
+
+/// Frames of ambient light at an exposure, or else dark frames.
+fn subtractable(steps: &[Step], exposure_ms: Option<f64>) -> Vec<&str> {
+    let of = |extra| {
+        let wanted = |s: &&Step| s.role == Role::Extra(extra) && s.state.exposure_ms == exposure_ms;
+        let extras = steps.iter().take_while(|s| s.role != Role::Series);
+        extras.filter(wanted).map(|s| s.file.as_str()).collect::<Vec<_>>()
+    };
+    let ambient = of(Extra::DisplayBlack);
+    if ambient.is_empty() { of(Extra::Dark) } else { ambient }
 }
 
 /// Groups consecutive steps with equal state, which are captured together, so that repetitions are separate exposures.
@@ -299,6 +338,38 @@ pub(super) mod tests {
         assert!(!plan.is_metered());
         // Additions come after the known steps, so that files keep their names.
         assert_eq!(steps[..8], plan.steps());
+    }
+
+    #[test]
+    fn calibrations_state_their_frames() {
+        let completed = |text: &str| plan(text).completed();
+        let camera = completed("kind = \"calibration\"\ncalibration = { of = \"camera\", levels = 4 }");
+        assert!(camera.is_metered() && camera.steps().len() == 16);
+        let metered = camera.level_exposures_ms(Duration::from_millis(100), [1e-3, 0.12]);
+        assert_eq!(metered, [2.0, 48.0, 94.0, 120.0]);
+        let camera = camera.with_bracket(metered);
+        camera.check_values().unwrap();
+        let steps = camera.steps();
+        assert_eq!((steps.len(), steps[3].file.as_str()), (16, "frames/dark_01_1.png"));
+        assert!(steps[..8].iter().all(|s| s.state.covered) && steps[8..].iter().all(|s| !s.state.covered));
+        let darks: Vec<_> = steps[8..12].iter().map(|s| camera.subtracted_from(&steps, s).unwrap()).collect();
+        let wanted = ["dark_00_0", "dark_00_1", "dark_01_0", "dark_01_1"].map(|name| format!("frames/{name}.png"));
+        assert_eq!(darks, wanted);
+        let stated = "kind = \"calibration\"\ncalibration = { of = \"camera\", darkness = \"display_black\" }\ncamera = { exposure_ms = 10 }";
+        let stated = completed(stated);
+        assert!(stated.steps()[0].file.contains("display_black") && stated.steps().len() == 48);
+        let flat = completed("kind = \"calibration\"\ncalibration = { of = \"flat\" }").steps();
+        assert_eq!((flat.len(), groups(&flat).count()), (17, 2));
+        let analyser = completed("kind = \"calibration\"\ncalibration = { of = \"analyser\" }");
+        let steps = analyser.steps_with(&[Added::Crossed { crossed_deg: 40.5 }]);
+        let angles: Vec<f64> = steps.iter().filter_map(|s| s.state.analyser_deg).collect();
+        assert_eq!(
+            (angles[1..4].to_vec(), angles[25..].to_vec()),
+            (vec![0.0, 15.0, 30.0], vec![38.5, 39.5, 41.5, 42.5])
+        );
+        assert_eq!((analyser.steps().len(), analyser.most_steps().len(), analyser.frame_counts()), (25, 29, [29, 29]));
+        let retarder = completed("kind = \"calibration\"\ncalibration = { of = \"retarder\" }");
+        assert_eq!(retarder.frame_counts(), [25, 25]);
     }
 
     #[test]

@@ -13,6 +13,7 @@ use crate::setup::{BenchSection, Setup};
 use absent::Absent;
 use nacre_base::Error;
 use nacre_base::progress::Progress;
+use nacre_drivers::stage::Mounting;
 use nacre_drivers::{
     Camera, CameraHandle, DeviceLock, DeviceResult, Display, DisplayHandle, Flash, FlashHandle, InterlockHandle, Stage,
     StageHandle,
@@ -68,6 +69,8 @@ pub struct Rig {
     pub setup: Setup,
     /// Configured devices of this machine, if any.
     pub section: Option<BenchSection>,
+    /// Mounting of the analyser, if it is not the default.
+    pub mounting: Option<Mounting>,
     /// Configuration of the simulated bench, if it provides the frames.
     pub config: Option<BenchConfig>,
     /// The simulated bench, if it is in this process.
@@ -153,6 +156,7 @@ async fn open(sources: Sources, opens: [bool; 4], locks: Vec<DeviceLock>) -> Dev
         ids: vec![],
         setup: Setup::default(),
         section: sources.section.has_real_device().then(|| sources.section.clone()),
+        mounting: sources.section.mounting(),
         config: None,
         bench: None,
         locks,

@@ -302,9 +302,10 @@ impl Journal {
 
     /// Number of frames of the session: as far as known, and at most.
     pub fn planned(&self, plan: &Plan) -> [usize; 2] {
-        let known = plan.steps_with(&self.chosen()).len();
-        let open = plan.is_open() && self.ended().is_none() && !self.finished();
-        [known, if open { plan.most_steps().len() } else { known }]
+        let chosen = self.chosen();
+        let known = plan.steps_with(&chosen).len();
+        let open = plan.is_open() && self.ended().is_none() || plan.awaits_crossed(&chosen);
+        [known, if open && !self.finished() { plan.most_steps().len() } else { known }]
     }
 
     /// Reason of an early end, if that is the last entry.

@@ -22,11 +22,12 @@ pub(crate) use journal::{SALVAGE, is_damaged};
 pub use salvage::{DamagedLine, Salvage, salvage};
 pub use series::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 
-use crate::plan::{Plan, PlanKind};
+use crate::plan::{CalibrationKind, Plan, PlanKind};
 use crate::setup::{BenchSection, Setup};
 use nacre_base::Version;
 use nacre_base::input::{self, Unreadable};
-use nacre_frames::{FILE_NAME as FRAMES_FILE, Kind};
+use nacre_drivers::stage::Mounting;
+use nacre_frames::{Calibration, FILE_NAME as FRAMES_FILE, Kind};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -57,10 +58,28 @@ pub struct SessionFile {
     /// Configured devices of the machine, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub section: Option<BenchSection>,
+    /// Mounting of the analyser on its stage, if it is not the default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mounting: Option<Mounting>,
+    /// Stored calibrations that apply to the frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Calibration>,
+    /// Warnings at the start of the session, such as calibrations that are too old.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
 }
 
 /// Maximum size of `session.json` and `frames.json` in bytes.
 const MAX_DESCRIPTION: u64 = 64 << 20;
+
+/// Name of the results folder within a session.
+pub const RESULTS: &str = "results";
+
+/// File name of a flat field inside a session folder.
+pub const FLAT_FILE: &str = "flat.exr";
+
+/// Maximum size of a flat field in bytes.
+pub(crate) const MAX_FLAT: u64 = 1 << 30;
 
 /// Maximum size of a frame in bytes.
 const MAX_FRAME: u64 = 4 << 30;
@@ -105,17 +124,23 @@ pub struct Session<D: Disk> {
 }
 
 impl<D: Disk> Session<D> {
-    /// Creates a new session folder with its description; `folder` must be vacant ([`is_vacant`]).
+    /// Creates a new session folder with its description, and its flat field if there is one; `folder` must be vacant
+    /// ([`is_vacant`]).
     ///
     /// # Errors
     /// Those of the system.
-    pub fn create(disk: D, folder: &Path, description: &SessionFile) -> io::Result<Self> {
+    pub fn create(disk: D, folder: &Path, description: &SessionFile, flat: Option<&[u8]>) -> io::Result<Self> {
         if !folder.is_dir() {
             disk.create_dir(folder)?;
         } else if !is_vacant(folder) {
             return Err(io::ErrorKind::DirectoryNotEmpty.into());
         }
         let text = serde_json::to_vec_pretty(description).map_err(io::Error::other)?;
+        // Written first, so that no session lacks its flat field; renamed later, so that no foreign file is replaced.
+        if let Some(flat) = flat {
+            disk.write(&partial(folder, FLAT_FILE), flat)?;
+            disk.sync_dir(folder)?;
+        }
         write_whole(&disk, folder, SESSION_FILE, &text)?;
         if let Some(parent) = folder.parent() {
             disk.sync_dir(if parent.as_os_str().is_empty() { Path::new(".") } else { parent })?;
@@ -125,6 +150,7 @@ impl<D: Disk> Session<D> {
         session.make_frames_folder()?;
         session.record(Entry::Begun)?;
         session.seal(SESSION_FILE, &text)?;
+        session.place_flat(description)?;
         Ok(session)
     }
 
@@ -153,7 +179,23 @@ impl<D: Disk> Session<D> {
             let text = input::read(&session.folder.join(SESSION_FILE), MAX_DESCRIPTION)?;
             session.seal(SESSION_FILE, &text)?;
         }
+        if session.journal.sealed(FLAT_FILE).is_none() {
+            session.place_flat(&SessionFile::read(folder)?)?;
+        }
         Ok(session)
+    }
+
+    /// Gives the flat field its name, and records its checksum.
+    fn place_flat(&mut self, description: &SessionFile) -> io::Result<()> {
+        if description.calibration.as_ref().is_none_or(|calibration| calibration.flat.is_none()) {
+            return Ok(());
+        }
+        let (temporary, target) = (partial(&self.folder, FLAT_FILE), self.folder.join(FLAT_FILE));
+        if !target.exists() {
+            self.disk.rename(&temporary, &target)?;
+            self.disk.sync_dir(&self.folder)?;
+        }
+        self.seal(FLAT_FILE, &input::read(&target, MAX_FLAT)?)
     }
 
     /// Records a file's checksum.
@@ -237,7 +279,7 @@ enum Seal {
 const BROKEN: &str = "differs from its recorded checksum";
 
 fn seal(folder: &Path, journal: &Journal, file: &str) -> Seal {
-    match (journal.sealed(file), input::read(&folder.join(file), MAX_DESCRIPTION)) {
+    match (journal.sealed(file), input::read(&folder.join(file), limit(file))) {
         (_, Err(_)) => Seal::Missing,
         (None, _) => Seal::None,
         (Some(sealed), Ok(bytes)) if sha256(&bytes) == sealed => Seal::Intact,
@@ -245,23 +287,33 @@ fn seal(folder: &Path, journal: &Journal, file: &str) -> Seal {
     }
 }
 
+/// Maximum size in bytes of a file with a seal.
+fn limit(file: &str) -> u64 {
+    if file == FLAT_FILE { MAX_FLAT } else { MAX_DESCRIPTION }
+}
+
 /// Files that must agree with their seals: `frames.json` is rewritten after a frame was captured again.
 fn sealed_files(journal: &Journal) -> impl Iterator<Item = &'static str> {
-    [SESSION_FILE].into_iter().chain(journal.finished().then_some(FRAMES_FILE))
+    let flat = journal.sealed(FLAT_FILE).map(|_| FLAT_FILE);
+    [SESSION_FILE].into_iter().chain(flat).chain(journal.finished().then_some(FRAMES_FILE))
 }
 
 /// True if a new session can be created here: nothing exists, or only remains of a failed attempt.
 pub fn is_vacant(folder: &Path) -> bool {
-    let leftover = Path::new(SESSION_FILE).with_extension("partial");
+    let leftovers = [SESSION_FILE, FLAT_FILE].map(|file| partial(folder, file));
     match std::fs::read_dir(folder) {
-        Ok(entries) => entries.flatten().all(|e| Path::new(&e.file_name()) == leftover),
+        Ok(entries) => entries.flatten().all(|e| leftovers.contains(&e.path())),
         Err(e) => e.kind() == io::ErrorKind::NotFound,
     }
 }
 
+/// Path of a file that is not complete yet.
+fn partial(folder: &Path, name: &str) -> PathBuf {
+    folder.join(name).with_extension("partial")
+}
+
 fn write_whole(disk: &impl Disk, folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
-    let target = folder.join(name);
-    let temporary = target.with_extension("partial");
+    let (target, temporary) = (folder.join(name), partial(folder, name));
     disk.write(&temporary, bytes)?;
     disk.rename(&temporary, &target)?;
     disk.sync_dir(target.parent().unwrap_or(folder))
@@ -277,14 +329,19 @@ pub fn lock(folder: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Kind of a frame set for a kind of plan.
-pub(crate) fn frames_kind(kind: PlanKind) -> Kind {
-    match kind {
+/// Kind of the frame set of a plan.
+pub(crate) fn frames_kind(plan: &Plan) -> Kind {
+    match plan.kind {
         PlanKind::Polarization => Kind::Polarization,
         PlanKind::Exposures => Kind::Exposures,
         PlanKind::Flash => Kind::Flash,
         PlanKind::Spots => Kind::Spots,
         PlanKind::Free => Kind::Free,
+        PlanKind::Calibration => match plan.measures() {
+            Some(CalibrationKind::Camera) => Kind::Exposures,
+            Some(CalibrationKind::Analyser | CalibrationKind::Retarder) => Kind::Polarization,
+            _ => Kind::Free,
+        },
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Commit, Disk, Entry, RealDisk, Session, SessionFile, Setup, Timing, check};
 use nacre_base::Version;
+use nacre_frames::{Calibration, FlatCalibration};
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -144,6 +145,7 @@ impl Model {
 
 fn description() -> SessionFile {
     let plan = "kind = \"polarization\"\nanalyser = { angles_deg = [0, 60, 120] }";
+    let flat = FlatCalibration { source: None, file: super::FLAT_FILE.into(), sigma: 0.0 };
     SessionFile {
         version: Version,
         software: "test".into(),
@@ -154,8 +156,14 @@ fn description() -> SessionFile {
         exposure_s: 0.01,
         bench: None,
         section: None,
+        mounting: None,
+        calibration: Some(Calibration { flat: Some(flat), ..Calibration::default() }),
+        warnings: vec![],
     }
 }
+
+/// Flat field of the session.
+const FLAT: &[u8] = b"flat field";
 
 fn frame(file: &str) -> Vec<u8> {
     format!("frame {file}").repeat(5).into_bytes()
@@ -177,7 +185,7 @@ fn a_disk_that_fills_up_at_any_operation_is_an_error_that_can_be_resumed() {
     let mut failed = 0;
     for operations in 0.. {
         let (folder, disk) = (home.path().join(format!("s{operations}")), Full(Cell::new(operations)));
-        let outcome = Session::create(&disk, &folder, &description()).and_then(|mut session| {
+        let outcome = Session::create(&disk, &folder, &description(), Some(FLAT)).and_then(|mut session| {
             let result = complete(&mut session);
             // As the engine does, whether or not the disk accepts it.
             result.inspect_err(|e| _ = session.record(Entry::Stopped { reason: e.to_string(), fault: None }))
@@ -192,6 +200,10 @@ fn a_disk_that_fills_up_at_any_operation_is_an_error_that_can_be_resumed() {
             complete(&mut session).unwrap();
             let after = check(&folder).unwrap();
             assert!(after.finished && after.trouble.is_empty(), "{operations}: {after:?}");
+            std::fs::write(folder.join(super::FLAT_FILE), "another").unwrap();
+            assert_eq!(check(&folder).unwrap().trouble[0].file, super::FLAT_FILE, "its checksum is recorded");
+        } else {
+            assert!(super::is_vacant(&folder), "{operations}: a new attempt is possible");
         }
     }
     assert!(failed > 20, "{failed}");
@@ -201,7 +213,7 @@ fn a_disk_that_fills_up_at_any_operation_is_an_error_that_can_be_resumed() {
 fn any_prefix_of_the_disk_operations_can_be_resumed_after_power_loss() {
     let home = tempfile::tempdir().unwrap();
     let (folder, recorder) = (home.path().join("s"), Recorder::default());
-    complete(&mut Session::create(&recorder, &folder, &description()).unwrap()).unwrap();
+    complete(&mut Session::create(&recorder, &folder, &description(), Some(FLAT)).unwrap()).unwrap();
     let operations = recorder.0.borrow().clone();
     let is_begun = |files: &BTreeMap<PathBuf, Vec<u8>>| files.contains_key(&folder.join(super::SESSION_FILE));
     let mut model = Model::default();
@@ -229,6 +241,7 @@ fn any_prefix_of_the_disk_operations_can_be_resumed_after_power_loss() {
             complete(&mut session).unwrap();
             let after = check(&copy).unwrap();
             assert!(after.finished && after.trouble.is_empty(), "{after:?}");
+            assert_eq!(std::fs::read(copy.join(super::FLAT_FILE)).unwrap(), FLAT);
             for step in description().plan.steps() {
                 assert_eq!(std::fs::read(copy.join(&step.file)).unwrap(), frame(&step.file));
             }

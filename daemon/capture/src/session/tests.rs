@@ -17,6 +17,9 @@ fn description() -> SessionFile {
         exposure_s: 0.01,
         bench: None,
         section: None,
+        mounting: None,
+        calibration: None,
+        warnings: vec![],
     }
 }
 
@@ -30,7 +33,7 @@ fn take(session: &mut Session<RealDisk>, frames_json: &str) {
 }
 
 fn complete(folder: &Path) {
-    take(&mut Session::create(RealDisk, folder, &description()).unwrap(), "{ \"frames\": [1, 2, 3] }");
+    take(&mut Session::create(RealDisk, folder, &description(), None).unwrap(), "{ \"frames\": [1, 2, 3] }");
     assert!(check(folder).unwrap().is_complete());
 }
 
@@ -114,7 +117,7 @@ fn sessions_of_older_versions_are_checked_and_resumed() {
 fn a_session_without_a_checksum_yet_gets_one() {
     let home = tempfile::tempdir().unwrap();
     let folder = home.path().join("s");
-    drop(Session::create(RealDisk, &folder, &description()).unwrap());
+    drop(Session::create(RealDisk, &folder, &description(), None).unwrap());
     age(&folder);
     drop(Session::open(RealDisk, &folder).unwrap());
     let (journal, _) = Journal::read(&folder.join(Journal::NAME)).unwrap();
@@ -150,7 +153,7 @@ fn a_series_whose_added_angles_are_lost_is_refused() {
         ("an intent", &any, true),
     ] {
         let folder = home.path().join(name);
-        let mut session = Session::create(RealDisk, &folder, &description).unwrap();
+        let mut session = Session::create(RealDisk, &folder, &description, None).unwrap();
         let mut chosen = vec![];
         for k in 0..first + 3 {
             if k >= first {

@@ -4,7 +4,7 @@ use super::Setup;
 use nacre_drivers::camera::{CameraConfig, CameraDriver};
 use nacre_drivers::display::{DisplayConfig, DisplayDriver};
 use nacre_drivers::flash::{FlashConfig, FlashDriver};
-use nacre_drivers::stage::{StageConfig, StageDriver};
+use nacre_drivers::stage::{Mounting, StageConfig, StageDriver};
 use nacre_drivers::{DeviceLock, DeviceResult};
 use nacre_frames::Distances;
 use schemars::JsonSchema;
@@ -143,6 +143,11 @@ impl BenchSection {
     /// True if the panel is a page of the service.
     pub fn has_page(&self) -> bool {
         self.display.as_ref().is_some_and(|d| matches!(d.driver, DisplayDriver::Page { .. }))
+    }
+
+    /// Mounting of the analyser on its stage, if it is not the default.
+    pub fn mounting(&self) -> Option<Mounting> {
+        self.stage.as_ref().map(|stage| stage.mounting).filter(|mounting| *mounting != Mounting::default())
     }
 
     /// True if a person rotates the analyser.

@@ -3,11 +3,12 @@
 use nacre_base::Error;
 use nacre_base::text::read_text;
 use nacre_capture::Failure;
+use nacre_capture::calibrations::{Calibrations, Choice, MAX_AGE_DAYS};
 use nacre_capture::rig::{Place, SimulatedBench};
 use nacre_capture::setup::BenchSection;
 use nacre_service::config::{Config, default_path};
 use nacre_sim::BenchConfig;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Selection of the bench: configured devices or the simulated bench.
 #[derive(clap::Args, Clone)]
@@ -50,6 +51,16 @@ impl BenchArgs {
     /// True if `--socket`, `--bench` or `--config` is given; `--sim` alone does not count.
     pub fn is_given(&self) -> bool {
         self.socket.is_some() || self.bench.is_some() || self.config.is_some()
+    }
+
+    /// Calibrations for sessions: those of this folder, or those in the data folder of the configuration that describes
+    /// the bench.
+    pub fn calibrations(&self, folder: Option<&Path>) -> Result<Option<Choice>, Failure> {
+        let config = self.configuration().map(|path| Config::read(Some(&path))).transpose()?;
+        let max_age_days = config.as_ref().map_or(MAX_AGE_DAYS, |config| config.calibration.max_age_days);
+        let of_data = config.map(|config| Calibrations::of_data(&config.data));
+        let calibrations = folder.map(Calibrations::new).or(of_data);
+        Ok(calibrations.map(|calibrations| Choice { calibrations, max_age_days }))
     }
 
     /// Path of the configuration file, if one is given or `nacre.toml` exists.

@@ -43,6 +43,10 @@ pub struct Args {
     /// Resume a stopped session in this folder. Uses the session's bench unless another is given.
     #[arg(long, value_name = "SESSION", conflicts_with_all = ["plan", "out", "dry_run"])]
     resume: Option<PathBuf>,
+    /// Folder of calibrations, which the session uses and to which one of kind calibration adds (default: calibrations
+    /// in the data folder of nacre.toml, if that describes the bench).
+    #[arg(long, value_name = "DIR")]
+    calibrations: Option<PathBuf>,
     /// Check the plan and list its steps without capturing.
     #[arg(long)]
     dry_run: bool,
@@ -84,7 +88,9 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     for warning in rig.devices.camera.describe().warnings {
         console.note(&format!("warning: {warning}"));
     }
-    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console, elsewhere: None };
+    let calibrations = args.bench.calibrations(args.calibrations.as_deref())?;
+    let mut capture =
+        Capture { runtime: &runtime, rig: &mut rig, control, observer: console, elsewhere: None, calibrations };
     let taken = match (plan, &args.out, &args.resume) {
         (Some((plan, _)), Some(out), _) => capture.begin(plan, out, MortalDisk::default()),
         (_, _, Some(folder)) => capture.resume(folder, MortalDisk::default()),
@@ -137,7 +143,9 @@ fn dry_run(plan: &Plan, console: &Console) -> Result<(), Failure> {
         let wanted = 100.0 * until.undecided;
         format!("up to {more} more, with more fringes, until at most {wanted} % of the pixels with a first order are undecided")
     });
-    if let Some(until) = until_sigma.or(until_decided) {
+    let crossed = plan.crossed_offsets_deg();
+    let crossed = (!crossed.is_empty()).then(|| format!("{more} more, around the crossed direction"));
+    if let Some(until) = until_sigma.or(until_decided).or(crossed) {
         text.push(until);
         value.extend(most[steps.len()..].iter().map(|s| serde_json::json!({ "file": s.file, "if_needed": true })));
     }
@@ -200,7 +208,10 @@ fn report(taken: &Taken, console: &Console) {
             console.note(&format!("warning: {}", ended.text()));
         }
     }
-    for warning in taken.report.iter().flat_map(|done| &done.warnings) {
+    if let Some(kept) = &taken.kept {
+        let _ = write!(text, "\nkept      as calibration {}", kept.id);
+    }
+    for warning in taken.warnings.iter().chain(taken.report.iter().flat_map(|done| &done.warnings)) {
         console.note(&format!("warning: {warning}"));
     }
     console.result(&text, taken);

@@ -4,6 +4,7 @@ pub mod attach;
 pub mod bench;
 pub mod brdf;
 pub mod calibrate;
+pub mod calibrations;
 pub mod capture;
 pub mod catalogue;
 pub mod chart;

@@ -58,7 +58,7 @@ pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
     let plan = plan.with_fringes(&place.setup(), &limits);
     match command {
         PlanCommand::Check(_) => {
-            let (least, frames) = (plan.steps().len(), plan.most_steps().len());
+            let [least, frames] = plan.frame_counts();
             let range = if least < frames { format!("{least} to {frames} frames") } else { format!("{frames} frames") };
             let mut value = serde_json::json!({ "frames": frames, "least_frames": least });
             let mut text = format!("the plan is sound: {range}");

@@ -9,7 +9,7 @@ use nacre_base::Version;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::engine::Control;
-use nacre_capture::plan::{AnalyserPlan, CameraPlan, DisplayPlan, Plan, PlanKind};
+use nacre_capture::plan::{AnalyserPlan, CalibrationsPlan, CameraPlan, DisplayPlan, Plan, PlanKind};
 use nacre_capture::rig::{Place, Rig, Uses, runtime};
 use nacre_capture::run::{Capture, Taken, steer};
 use nacre_capture::session::RealDisk;
@@ -178,6 +178,8 @@ pub fn simulate(
         exposures_ms: vec![],
         bracket: None,
         spots: None,
+        calibration: None,
+        calibrations: CalibrationsPlan::default(),
         steps: vec![],
         extras: vec![],
         reconstruct: None,
@@ -186,7 +188,8 @@ pub fn simulate(
     let mut rig = Rig::open(&runtime, &Place::here(config.clone()), Uses::SESSION, console, &console.interrupted())?;
     steer(&runtime, &control, console.interrupted(), true)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
-    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console, elsewhere: None };
+    let mut capture =
+        Capture { runtime: &runtime, rig: &mut rig, control, observer: console, elsewhere: None, calibrations: None };
     let taken = capture.begin(plan, &folder.path(""), RealDisk)?;
     let Some(bench) = rig.bench.take() else {
         return Err(Error::input("bench", "is not in this process", "report this").into());

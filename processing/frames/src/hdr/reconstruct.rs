@@ -11,6 +11,7 @@ use super::recover::{recover, response};
 use super::report::{Report, Seconds};
 use super::response::Response;
 use super::sample::{Agreement, Sample};
+use crate::linear::is_relative;
 use crate::{Clipping, Frame, LoadedFrames, Transfer};
 use nacre_base::operation::perform;
 use nacre_base::progress::Progress;
@@ -83,13 +84,14 @@ impl Bracket {
     fn raster(&self, name: &Path) -> Result<Raster> {
         let path = self.frames.file(name);
         let raster = read(&path)?;
-        if raster.info() == self.frames.info {
+        if raster.info() == self.frames.info || is_relative(raster.info(), self.frames.info) {
             return Ok(raster);
         }
         Err(Error::file(&path, "has changed while it was read", "try again once nobody writes to it"))
     }
 
-    /// Light of every merged sample of a photograph.
+    /// Light of every merged sample of a photograph. A file in floating point beside photographs in integers holds
+    /// relative light.
     fn plane(&self, coding: &Coding, name: &Path) -> Result<Vec<f32>> {
         use nacre_image::Samples as S;
         let raster = self.raster(name)?;
@@ -102,7 +104,12 @@ impl Bracket {
                 S::F32(v) => v[at].into(),
             }
         };
-        let light = |i: usize| coding.light(self.channels[i % n], value(i)) as f32;
+        let relative = is_relative(raster.info(), self.frames.info);
+        let light = |i: usize| match value(i) {
+            value if !relative => coding.light(self.channels[i % n], value) as f32,
+            value if value.is_finite() => value as f32,
+            _ => 0.0,
+        };
         Ok((0..raster.width * raster.height * n).into_par_iter().map(light).collect())
     }
 }

@@ -5,6 +5,7 @@ mod geometry;
 mod highlight;
 mod panel;
 
+use super::calibrations::Keep;
 use super::derived::Whole;
 use crate::console::Console;
 use clap::Subcommand;
@@ -25,6 +26,8 @@ pub enum Calibrate {
     Retarder(Whole<nacre_calibrate::retarder::Options>),
     /// Measure the offset of orientations on a sample of known orientation.
     Orientation(Whole<nacre_calibrate::orientation::Options>),
+    /// Store a calibration in a data folder, where sessions find it.
+    Keep(Keep),
     /// Draw a chessboard to print or to show on the panel.
     Board(board::BoardPicture),
     /// Measure the panel's tone curve with the camera, and check that patterns appear when reported.
@@ -40,6 +43,7 @@ pub fn run(command: &Calibrate, console: &Console) -> Result<(), Failure> {
         Calibrate::Analyser(args) => args.run(console),
         Calibrate::Retarder(args) => args.run(console),
         Calibrate::Orientation(args) => args.run(console),
+        Calibrate::Keep(args) => args.run(console),
         Calibrate::Board(args) => args.run(console),
         Calibrate::Panel(args) => args.run(console),
     }
