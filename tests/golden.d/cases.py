@@ -79,7 +79,7 @@ CASES = [
     }, [
         "--json calibrate camera flats --darks darks --out camera",
     ]),
-    Case("calibrate", {
+    Case("references", {
         **{f"{name}.toml": i.REFERENCE % (kind, turn, retardance) for name, kind, turn, retardance in (
             ("front", "polarizer", 20, 84), ("back", "polarizer", -20, 84), ("film", "mirror", 0, 84),
             ("bare", "mirror", 0, 0), ("paper", "paper", 0, 84), ("tile", "kinematic", 0, 84))},

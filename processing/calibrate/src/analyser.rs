@@ -7,7 +7,7 @@ use crate::transfer::Measured;
 use crate::turn::{Turn, measure, region_of, turning};
 use crate::wedge::{Wedge, wedge};
 use nacre_base::estimate::Work;
-use nacre_base::operation::{MISSING, Operation, SCHEMA, Summary};
+use nacre_base::operation::{MISSING, Operation, SCHEMA, Summary, lines};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder, Result};
 use nacre_frames::{AnalyserCalibration, CALIBRATION_FILE, Calibration, LoadedFrames};
@@ -80,7 +80,8 @@ pub struct Report {
     pub sense: i8,
     /// Axis of the reference polarizer in degrees.
     pub axis_deg: Measured,
-    /// Transmission through parallel over crossed polarizers; none if the light of crossed ones is within the noise.
+    /// Transmission through parallel over crossed polarizers; none if the light of crossed ones is within the noise, or
+    /// if ambient light was not photographed.
     pub extinction_ratio: Option<Measured>,
     /// Lower bound of that ratio (3 standard deviations).
     pub extinction_at_least: f64,
@@ -240,7 +241,8 @@ impl Operation for Options {
         let wedge = wedge(&front.frames, &front.turn, f64::from(zero.sense), zero.zero_deg.value, progress)?;
         let mut warnings: Vec<String> = all.iter().flat_map(|m| m.turn.warnings.iter().cloned()).collect();
         let angle_sigma_deg = all.iter().map(|m| m.fit.angle_sigma.to_degrees()).fold(0.0, f64::max);
-        warnings.extend(self.doubts(&ratio, &eccentricity, angle_sigma_deg));
+        let has_dark = all.iter().all(|m| m.turn.has_dark);
+        warnings.extend(self.doubts(&ratio, has_dark, &eccentricity, angle_sigma_deg));
         let calibration = AnalyserCalibration {
             source: None,
             zero_deg: zero.zero_deg.value,
@@ -314,7 +316,8 @@ fn extinction(all: &[&Measurement]) -> (Option<Measured>, f64) {
     let Some(e) = combined(all.iter().map(of)) else { return (None, 1.0) };
     let ratio = |e: f64| (2.0 - e) / e;
     let at_least = ratio(e.value.max(0.0) + SIGNIFICANT * e.sigma);
-    let resolved = e.value > SIGNIFICANT * e.sigma;
+    // Ambient light is as bright behind crossed polarizers, so that the ratio is larger than it seems.
+    let resolved = e.value > SIGNIFICANT * e.sigma && all.iter().all(|m| m.turn.has_dark);
     (resolved.then(|| Measured { value: ratio(e.value), sigma: 2.0 * e.sigma / e.value.powi(2) }), at_least)
 }
 
@@ -343,7 +346,13 @@ fn eccentricity(all: &[&Measurement]) -> Option<Eccentricity> {
 }
 
 impl Options {
-    fn doubts(&self, ratio: &Option<Measured>, eccentricity: &Option<Eccentricity>, angle_sigma: f64) -> Vec<String> {
+    fn doubts(
+        &self,
+        ratio: &Option<Measured>,
+        has_dark: bool,
+        eccentricity: &Option<Eccentricity>,
+        angle_sigma: f64,
+    ) -> Vec<String> {
         let mut doubts = vec![];
         if self.flipped.is_none() {
             let sense = if self.clockwise { "clockwise" } else { "anticlockwise" };
@@ -352,7 +361,13 @@ impl Options {
                 doubts.push("the axis of the polarizer is taken as exact: state --axis-sigma-deg".into());
             }
         }
-        if ratio.is_none() {
+        if !has_dark {
+            doubts.push(
+                "ambient light was not photographed: the extinction ratio is a lower bound; add a dark photograph, with \
+                 the panel black"
+                    .into(),
+            );
+        } else if ratio.is_none() {
             doubts.push(
                 "the light of crossed polarizers is within the noise: the extinction ratio is a lower bound; add angles \
                  within 2° of the crossed direction, or longer exposures"
@@ -393,8 +408,9 @@ impl Summary for Report {
         if let Some(w) = &self.wedge {
             add("wedge", format!("shifts the image by {:.2} ± {:.2} pixels", w.shift_px, w.sigma_px));
         }
-        add("time", format!("{:.1} s", self.seconds));
-        text.trim_end().to_owned()
+        text.push_str(&lines(&[], &self.warnings));
+        text.push_str(&format!("time      {:.1} s", self.seconds));
+        text
     }
 
     fn warnings(&self) -> &[String] {

@@ -1,7 +1,7 @@
 //! The operation `flat`: unevenness of light and lens, from photographs of a uniform surface.
 
 use nacre_base::estimate::Work;
-use nacre_base::operation::{Operation, Summary};
+use nacre_base::operation::{Operation, Summary, lines};
 use nacre_base::progress::Progress;
 use nacre_base::statistics::quantile;
 use nacre_base::{Error, OutputFolder, Result};
@@ -195,9 +195,11 @@ impl Summary for Report {
     fn summary(&self) -> String {
         let [low, high] = self.range.map(|v| 100.0 * v);
         format!(
-            "light     {low:.0} to {high:.0} % of the mean (1st and 99th percentile)\nnoise     {:.3} % per pixel, of {} photographs\ntime      {:.1} s",
+            "light     {low:.0} to {high:.0} % of the mean (1st and 99th percentile)\nnoise     {:.3} % per pixel, of {} \
+             photographs\n{}time      {:.1} s",
             100.0 * self.sigma,
             self.photographs,
+            lines(&[], &self.warnings),
             self.seconds
         )
     }

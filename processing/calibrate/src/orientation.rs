@@ -4,7 +4,7 @@ use crate::analyser::near_zero;
 use crate::transfer::Measured;
 use crate::turn::region_of;
 use nacre_base::estimate::Work;
-use nacre_base::operation::{Input, MISSING, Operation, Summary};
+use nacre_base::operation::{Input, MISSING, Operation, Summary, lines};
 use nacre_base::progress::Progress;
 use nacre_base::text::read_text;
 use nacre_base::{Error, OutputFolder, Result};
@@ -325,8 +325,14 @@ impl Options {
 impl Summary for Report {
     fn summary(&self) -> String {
         format!(
-            "offset    {:.3}° ± {:.3}° (model {})\nregion    {} pixels, spread {:.2}°\ntime      {:.1} s",
-            self.offset_deg.value, self.offset_deg.sigma, self.model, self.pixels, self.spread_deg, self.seconds
+            "offset    {:.3}° ± {:.3}° (model {})\nregion    {} pixels, spread {:.2}°\n{}time      {:.1} s",
+            self.offset_deg.value,
+            self.offset_deg.sigma,
+            self.model,
+            self.pixels,
+            self.spread_deg,
+            lines(&[], &self.warnings),
+            self.seconds
         )
     }
 

@@ -12,7 +12,7 @@ use crate::mirror::Mirror;
 use crate::transfer::Measured;
 use crate::turn::{Light, Turn, measure, region_of, turning};
 use nacre_base::estimate::Work;
-use nacre_base::operation::{MISSING, Operation, SCHEMA, Summary};
+use nacre_base::operation::{MISSING, Operation, SCHEMA, Summary, lines};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder, Result};
 use nacre_frames::{CALIBRATION_FILE, Calibration, LoadedFrames, RetarderCalibration};
@@ -278,7 +278,7 @@ impl Operation for Options {
         let azimuth_deg = Measured { value: near_zero(solved[0].to_degrees()), sigma: sigmas[0].to_degrees() };
         let over_band = of_band(&frames) * solved[1];
         let retardance_deg = Measured { value: solved[1].to_degrees(), sigma: sigmas[1].hypot(over_band).to_degrees() };
-        warnings.extend(doubts(&frames, self, retardance_deg.value));
+        warnings.extend(doubts(&frames, self, turn.has_dark, retardance_deg.value));
         let panel_deg = Measured {
             value: near_zero(panel.angle.to_degrees()),
             sigma: panel.sigma.hypot(zero_sigma(&frames)).to_degrees(),
@@ -350,8 +350,11 @@ fn uncertainty(
     all.fold([0.0; 2], |sum: Film, term| [0, 1].map(|k| sum[k].hypot(term[k])))
 }
 
-fn doubts(frames: &LoadedFrames, options: &Options, retardance_deg: f64) -> Vec<String> {
+fn doubts(frames: &LoadedFrames, options: &Options, has_dark: bool, retardance_deg: f64) -> Vec<String> {
     let mut doubts = vec![];
+    if !has_dark {
+        doubts.push("ambient light was not photographed, and counts as light of the panel".into());
+    }
     if frames.set.calibration.as_ref().is_none_or(|c| c.analyser.is_none()) {
         doubts.push("the analyser is not calibrated: directions contain the error of its zero".into());
     }
@@ -375,8 +378,9 @@ impl Summary for Report {
         add("panel", with(&self.panel_deg));
         let [s1, s2] = &self.stokes;
         add("light", format!("S1/S0 {:.4} ± {:.4}, S2/S0 {:.4} ± {:.4}", s1.value, s1.sigma, s2.value, s2.sigma));
-        add("time", format!("{:.1} s", self.seconds));
-        text.trim_end().to_owned()
+        text.push_str(&lines(&[], &self.warnings));
+        text.push_str(&format!("time      {:.1} s", self.seconds));
+        text
     }
 
     fn warnings(&self) -> &[String] {

@@ -32,6 +32,8 @@ pub struct Turn {
     pub lights: Vec<Light>,
     /// Standard deviation of the subtracted darkness, common to all angles.
     pub dark_sigma: f64,
+    /// Whether ambient light was photographed and subtracted.
+    pub has_dark: bool,
     /// Region: left, top, width, height in pixels.
     pub region: [usize; 4],
     /// Limitations.
@@ -120,7 +122,8 @@ pub fn measure(frames: &LoadedFrames, region: [usize; 4], progress: &dyn Progres
     if lost > 0 {
         warnings.push(format!("{lost} photographs are saturated in the region, and no shorter exposure replaces them"));
     }
-    Ok(Turn { lights, dark_sigma, region, warnings })
+    let has_dark = all.iter().all(|f| f.dark.is_some() || frames.set.dark.is_some());
+    Ok(Turn { lights, dark_sigma, has_dark, region, warnings })
 }
 
 fn same(a: f64, b: f64) -> bool {

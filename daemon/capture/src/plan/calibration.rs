@@ -7,8 +7,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::Map;
 use std::time::Duration;
 
-/// Shortest and longest exposure of a camera's calibration, relative to the metered one. The longest saturates.
-const LEVELS: [f64; 2] = [0.02, 2.0];
+/// Exposures of a camera's calibration relative to the metered one: the range of the evenly spaced ones, and the last,
+/// which saturates.
+const LEVELS: [f64; 2] = [0.02, 1.0];
+const SATURATED: f64 = 2.0;
 
 /// Defaults of a calibration: exposures, frames, angles around the crossed direction, and step of a full turn in
 /// degrees.
@@ -74,7 +76,8 @@ impl CalibrationKind {
 pub struct CalibrationPlan {
     /// Property: camera, flat, analyser or retarder. The operation of the same name computes it after the capture.
     pub of: CalibrationKind,
-    /// For camera: number of exposures, evenly spaced from 2 % to 200 % of the metered exposure (default 12). Each is
+    /// For camera: number of exposures, evenly spaced from 2 % to 100 % of the metered exposure, and a last one of 200 %
+    /// (default 12). Each is
     /// taken twice with light and twice in darkness.
     #[schemars(range(min = 4, max = 64))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -234,7 +237,10 @@ impl Plan {
     pub(crate) fn level_exposures_ms(&self, exposure: Duration, limits_s: [f64; 2]) -> Vec<f64> {
         let [low, high] = LEVELS;
         let steps = self.levels().unwrap_or(0);
-        let level = |k: u32| low + (high - low) * f64::from(k) / f64::from(steps.saturating_sub(1).max(1));
+        let level = |k: u32| match steps - k {
+            1 => SATURATED,
+            _ => low + (high - low) * f64::from(k) / f64::from(steps.saturating_sub(2).max(1)),
+        };
         let exposure_ms = |k: u32| {
             let seconds = (exposure.as_secs_f64() * level(k)).clamp(limits_s[0], limits_s[1]);
             // Whole microseconds.

@@ -345,8 +345,8 @@ pub(super) mod tests {
         let completed = |text: &str| plan(text).completed();
         let camera = completed("kind = \"calibration\"\ncalibration = { of = \"camera\", levels = 4 }");
         assert!(camera.is_metered() && camera.steps().len() == 16);
-        let metered = camera.level_exposures_ms(Duration::from_millis(100), [1e-3, 0.12]);
-        assert_eq!(metered, [2.0, 48.0, 94.0, 120.0]);
+        let metered = camera.level_exposures_ms(Duration::from_millis(100), [1e-3, 0.19]);
+        assert_eq!(metered, [2.0, 51.0, 100.0, 190.0]);
         let camera = camera.with_bracket(metered);
         camera.check_values().unwrap();
         let steps = camera.steps();
