@@ -55,15 +55,15 @@ pub fn turn_chart(title: &str, curves: &[Curve]) -> Result<Vec<u8>> {
         y_title: "light / mean",
         percent: false,
     };
-    let residuals = || curves.iter().flat_map(|c| c.fit.residuals.iter().copied());
+    let residuals = || curves.iter().flat_map(|c| c.fit.residuals.iter().map(|r| 100.0 * r));
     let residual = Axes {
         area: areas[1],
         x: x(),
         y: Ruler::covering(Scale::Linear, residuals(), lower + HEIGHTS[1], lower),
         names: &[],
         x_title: "angle of the stage in degrees",
-        y_title: "residual",
-        percent: true,
+        y_title: "residual in %",
+        percent: false,
     };
     light.draw(&mut svg);
     residual.draw(&mut svg);
@@ -76,7 +76,7 @@ pub fn turn_chart(title: &str, curves: &[Curve]) -> Result<Vec<u8>> {
         for (measured, left) in curve.lights.iter().zip(&curve.fit.residuals) {
             let at = light.x.at(measured.stage_deg);
             svg.mark([at, light.y.at(relative(curve, measured.light))], k, 4.0, &fill(color));
-            svg.mark([at, residual.y.at(*left)], k, 4.0, &fill(color));
+            svg.mark([at, residual.y.at(100.0 * left)], k, 4.0, &fill(color));
         }
         let at = LEFT + 170.0 * k as f64;
         svg.mark([at + 6.0, 49.0], k, 4.5, &fill(color));

@@ -77,8 +77,7 @@ pub struct CalibrationPlan {
     /// Property: camera, flat, analyser or retarder. The operation of the same name computes it after the capture.
     pub of: CalibrationKind,
     /// For camera: number of exposures, evenly spaced from 2 % to 100 % of the metered exposure, and a last one of 200 %
-    /// (default 12). Each is
-    /// taken twice with light and twice in darkness.
+    /// (default 12). Each is taken twice with light and twice in darkness.
     #[schemars(range(min = 4, max = 64))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub levels: Option<u32>,
