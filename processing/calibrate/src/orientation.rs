@@ -172,7 +172,7 @@ impl Options {
                 ));
             }
         }
-        if let Some(deg) = self.known_deg.filter(|deg| !(deg.abs() <= 360.0)) {
+        if let Some(deg) = self.known_deg.filter(|deg| !(-360.0..=360.0).contains(deg)) {
             return Err(Error::input("known_deg", format!("is {deg}"), "give degrees from -360 to 360"));
         }
         if let Some(center) = self.center_px.filter(|at| !at.iter().all(|v| v.abs() <= 1e6)) {

@@ -234,7 +234,7 @@ impl Operation for Options {
     fn check_options(&self) -> Result<()> {
         self.given()?;
         for (key, value) in [("panel_deg", self.panel_deg), ("azimuth_deg", self.azimuth_deg)] {
-            if let Some(value) = value.filter(|v| !(v.abs() <= 360.0)) {
+            if let Some(value) = value.filter(|v| !(-360.0..=360.0).contains(v)) {
                 return Err(Error::input(key, format!("is {value}"), "give degrees from -360 to 360"));
             }
         }

@@ -23,7 +23,7 @@ const WRONG_DEG: f64 = 6.0;
 const ANGLES: [usize; 5] = [6, 8, 12, 24, 48];
 
 /// Standard deviations of the stage's angles in degrees.
-const SCATTER_DEG: [f64; 6] = [0.0, 0.005, 0.02, 0.05, 0.2, 1.0];
+const SCATTER_DEG: [f64; 6] = [0.001, 0.005, 0.02, 0.05, 0.2, 1.0];
 
 pub(crate) fn studies(effort: Effort) -> Vec<Study> {
     vec![gain(effort), angles()]
@@ -132,7 +132,7 @@ fn angles() -> Study {
                    more than five of its σ off."
             .into(),
         knob: Axis::log("angles of each series", ""),
-        stress: Axis::linear("standard deviation of the stage's angles", "°"),
+        stress: Axis::log("standard deviation of the stage's angles", "°"),
         error: Axis::log("error of the zero", "°"),
         time: Axis::log("time of the calibration", "s"),
         predicted: "σ of the zero",
