@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Smallest difference in degrees between the two directions of a flipped reference that are closest to its stated
-/// axis: axes near 0°, 45° and 90° cannot be told from their mirror images.
+/// Smallest difference in degrees between the two possible axes of a flipped reference. Near 0°, 45° and 90° an axis
+/// is close to its mirror image.
 const APART_DEG: f64 = 10.0;
 
 /// Standard deviations by which the light of crossed polarizers must exceed zero.

@@ -1,8 +1,8 @@
 //! Malus' law of a linear polarizer behind a turning analyser, with an eccentric scale and random angle errors.
 //!
 //! At the stage's angle ψ the light is `A (1 + x cos 2ψ' + y sin 2ψ')` with `ψ' = ψ + c cos ψ + s sin ψ`. Standard
-//! deviations of the light (a share of it) and of the angles are unknown; restricted maximum likelihood (Patterson and
-//! Thompson 1971) estimates both from the residuals, so that photographs on the steep flanks count less than those near
+//! deviations of the light (a share of it) and of the angles are unknown. Restricted maximum likelihood (Patterson and
+//! Thompson 1971) estimates both from the residuals. Photographs on the steep flanks then count less than those near
 //! the extremes.
 
 use crate::transfer::Measured;

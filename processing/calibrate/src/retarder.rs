@@ -317,8 +317,8 @@ fn zero_sigma(frames: &LoadedFrames) -> f64 {
     analyser.map_or(0.0, |a| a.zero_sigma_deg.to_radians())
 }
 
-/// Difference between the mean retardance over the filter's band and that at its centre, as a share: retardance is
-/// proportional to 1/λ, whose mean exceeds that of the centre by the relative variance of λ.
+/// Difference between the mean retardance over the filter's band and that at its centre, as a share. Retardance is
+/// proportional to 1/λ, whose mean is larger by the relative variance of λ.
 fn of_band(frames: &LoadedFrames) -> f64 {
     let (Some(center), Some(width)) = (frames.set.wavelength_nm, frames.set.band_nm) else { return 0.0 };
     (width / (8.0 * 2f64.ln()).sqrt() / center).powi(2)

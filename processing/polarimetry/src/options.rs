@@ -61,7 +61,7 @@ pub struct Options {
     /// edge-aware: Newton polynomials of the difference between polarizers, along edges (Li et al. 2019).
     #[schemars(extend("x-advanced" = true))]
     pub demosaic: Demosaic,
-    /// Offset added to every orientation, in degrees (default: that of the calibration that the photographs name, or 0).
+    /// Offset added to every orientation, in degrees (default: that of the photographs' calibration, or 0).
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub offset_deg: Option<f64>,

@@ -76,8 +76,8 @@ impl CalibrationKind {
 pub struct CalibrationPlan {
     /// Property: camera, flat, analyser or retarder. The operation of the same name computes it after the capture.
     pub of: CalibrationKind,
-    /// For camera: number of exposures, evenly spaced from 2 % to 100 % of the metered exposure, and a last one of 200 %
-    /// (default 12). Each is taken twice with light and twice in darkness.
+    /// For camera: number of exposures (default 12), evenly spaced from 2 % to 100 % of the metered exposure, and a
+    /// last one of 200 %. Each is taken twice with light and twice in darkness.
     #[schemars(range(min = 4, max = 64))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub levels: Option<u32>,
@@ -212,8 +212,8 @@ impl Plan {
         [turned, turned + 180.0, turned - 180.0].map(thousandths).into_iter().find(fits)
     }
 
-    /// The plan with the defaults of its kind: a full turn of the analyser, a frame of ambient light, and the operation
-    /// that computes the calibration, if its options have defaults.
+    /// The plan with the defaults of its kind: a full turn of the analyser, and a frame of ambient light. The operation
+    /// that computes the calibration is added if its options have defaults.
     pub fn completed(mut self) -> Self {
         let Some(kind) = self.measures() else { return self };
         if matches!(kind, CalibrationKind::Analyser | CalibrationKind::Retarder) && self.analyser.is_none() {

@@ -66,8 +66,8 @@ pub struct Report {
     pub palette: Palette,
     /// Offset added to all orientations in degrees. The method determines orientations only up to a common offset.
     pub offset_deg: f64,
-    /// Expected error of a typical absolute orientation, with that of the calibrated offset. `None` if the offset is not
-    /// calibrated: orientations are then relative.
+    /// Expected error of a typical absolute orientation, including the calibrated offset. `None` without a calibrated
+    /// offset: orientations are then relative.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub absolute_error_deg: Option<f64>,
     /// Calibration of the bench that was applied.

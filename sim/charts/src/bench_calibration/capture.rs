@@ -16,7 +16,7 @@ const TURN: usize = 24;
 /// Angles about the crossed direction in degrees.
 const CROSSED_DEG: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
 
-/// Exposures of a photon transfer relative to that which is just below white.
+/// Exposures of a photon transfer relative to the metered one, which is just below white.
 const TRANSFER: [f64; 2] = [0.02, 1.4];
 
 /// Exposure of photographs of crossed polarizers relative to the others.

@@ -75,7 +75,7 @@ pub fn calibrated(bench: &BenchConfig, seed: u64, folder: &Path) -> Result<(Vec<
 fn with_reference(bench: &BenchConfig, kind: SampleKind, turn_deg: f64, seed: u64) -> BenchConfig {
     let mut bench = bench.clone();
     (bench.sample.kind, bench.sample.turn_deg) = (kind, turn_deg);
-    // Noise of its own; the pixels remain those of the bench.
+    // Other noise on the same pixels.
     bench.noise_seed = Some(key(&[bench.seed, seed]));
     bench
 }

@@ -37,8 +37,8 @@ pub fn ideal(bench: &BenchConfig) -> BenchConfig {
     ideal
 }
 
-/// Captures a kinematic tile of known orientations for their offset and another one, and compares the tile's orientations
-/// with the true ones, offset included.
+/// Captures a kinematic tile of known orientations for their offset, and another tile. Compares the orientations of
+/// that tile with the true ones, offset included.
 ///
 /// # Errors
 /// Those of capture and reconstruction.

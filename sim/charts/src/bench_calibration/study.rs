@@ -1,4 +1,4 @@
-//! Studies of calibrations of the bench: what they gain, and how many angles they need.
+//! Studies of calibrations of the bench: gain in accuracy, and number of angles.
 
 use super::session::{absolute, ideal};
 use super::{bench, with_reference, written};
