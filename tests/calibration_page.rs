@@ -4,7 +4,7 @@
 
 use nacre_tests::Place;
 use nacre_tests::chromium::Browser;
-use nacre_tests::http::Service;
+use nacre_tests::http::{Service, begin};
 use serde_json::{Value, json};
 use std::fs;
 
@@ -130,9 +130,12 @@ fn the_retarder_is_calibrated_and_stored() {
     assert!(off("azimuth_deg", 48.0) < 1.0 && off("retardance_deg", 84.0) < 1.0, "{film}");
     // A session that uses it names it.
     let plan = json!({ "plan": { "kind": "polarization", "camera": { "exposure_ms": 5 }, "analyser": { "angles_deg": [0, 60, 120] } } });
-    let session = page.service.post("/api/v1/sessions", &plan).expect(201).json();
-    page.visit(&format!("session/{}", session["id"].as_str().unwrap()));
+    page.visit(&format!("session/{}", begin(&page.service, &plan)));
     page.says("[aria-label=Calibrations]", "Retarder");
+    // The page of its result has the same report.
+    page.visit(&format!("result/{}", kept[0]["reconstruction"].as_str().unwrap()));
+    page.says("[aria-label=Report]", "Retardance");
+    page.accessible("page of the result");
 }
 
 #[test]

@@ -7,8 +7,8 @@ import { resultOf } from "./calibrationseries.js";
 import { progressOf } from "./calibrationsteps.js";
 import { moment } from "./format.js";
 
-/** Most results that the list offers. */
-const MOST = 200;
+/** Newest results among which the list finds those with orientations. */
+const MOST = 500;
 
 /**
  * @param {HTMLElement} main
@@ -19,7 +19,8 @@ const MOST = 200;
 export async function orientationWizard(main, kind, state, signal) {
   const progress = progressOf(kind, state);
   /** @type {{ items: Job[] }} */
-  const { items } = await get(`/reconstructions${query({ method: "polarization", state: "done", limit: MOST })}`, { signal });
+  const { items: all } = await get(`/reconstructions${query({ limit: MOST })}`, { signal });
+  const items = all.filter((job) => job.method === "polarization" && job.state === "done");
   const input = (/** @type {string} */ key, value = "") => {
     const control = number({ id: `offset-${key}`, value: progress.get(key) ?? value, onchange: () => progress.set({ [key]: control.value || null }) });
     return control;

@@ -11,7 +11,7 @@ import { service, watch } from "./service.js";
 /** Share of saturated pixels above which the live picture is too bright, and level of the brightest 1 % below which it is too dark. */
 const [MOST_SATURATED, LEAST_LEVEL] = [0.001, 0.1];
 /** Charts of the results. */
-const CHARTS = { camera: ["bad-pixels.png", "Pixels with defects"], flat: ["flat.png", "Relative light"], analyser: ["analyser.png", "Light over the angle of the analyser, and residuals"], retarder: ["retarder.png", "Light over the angle of the analyser, and residuals"] };
+const CHARTS = { camera: ["bad-pixels.png", "Pixels with defects are white"], flat: ["flat.png", "Relative light"], analyser: ["analyser.png", "Light over the angle of the analyser, and residuals"], retarder: ["retarder.png", "Light over the angle of the analyser, and residuals"] };
 
 /** Tells the step around an element that it must be judged anew. */
 const judge = (/** @type {HTMLElement} */ element) => element.dispatchEvent(new Event("judge", { bubbles: true }));
@@ -213,7 +213,7 @@ export function resultOf({ kind, automatic, name, kept, keeps, signal }) {
     const [file, alt] = CHARTS[kind] ?? [];
     const image = file ? h("img", { alt, class: "chart", hidden: true }) : null;
     const storage = h("div", { class: "stack" });
-    body.replaceChildren(reportOfReference(job.report), ...(image ? [h("div", { class: "well reference-chart" }, image)] : []), h("p", {}, h("a", { href: `#/result/${job.id}` }, "Result with all files")), storage);
+    body.replaceChildren(reportOfReference(job.report), ...(image ? [h("figure", { class: "reference-chart" }, h("div", { class: "well" }, image), h("figcaption", { class: "soft" }, `${alt}.`))] : []), h("p", {}, h("a", { href: `#/result/${job.id}` }, "Result with all files")), storage);
     const { items } = await get(`/calibrations?kind=${kind}`, { signal });
     const own = items.find((one) => one.id === kept || (automatic && !one.reconstruction && one.session === job.session));
     paintStorage(storage, job, own?.id);

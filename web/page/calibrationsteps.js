@@ -175,7 +175,7 @@ function analyser(kind, progress, signal) {
 function retarder(kind, progress, signal) {
   const take = (key, name) => series({ key, signal, id: progress.get(key), began: (id) => progress.set({ [key]: id, result: null, kept: null }), plan: () => planOf(kind, name) });
   const [first, second] = [take("first", "Retarder, with film"), take("second", "Retarder, without film")];
-  const panel = degreesField(progress, "panel_deg", "", "Polarization of the panel (°)", "Direction of linear polarization, anticlockwise from the right of the image");
+  const panel = degreesField(progress, "panel_deg", "", "Polarization of the panel (°)", "Anticlockwise from the right of the image");
   const sigma = degreesField(progress, "panel_sigma_deg", "0.5", "σ of that direction (°)", "Standard deviation, 0 or more");
   const azimuth = degreesField(progress, "azimuth_deg", "", "Axis of the film (°, optional)", "Within 40°. Default: 45° from the panel’s polarization");
   const stated = h("div", { class: "fields" }, panel, sigma);

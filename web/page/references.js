@@ -17,7 +17,7 @@ export const KINDS = {
 export function measured(/** @type {number} */ value, /** @type {number | null | undefined} */ sigma, unit = "") {
   if (!sigma || !Number.isFinite(sigma)) return `${significant(value, 4)}${unit}`;
   const digits = Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(sigma))));
-  return `${fixed(value, digits)}${unit} ± ${fixed(sigma, digits)}${unit}`;
+  return `${fixed(value, digits)}${unit === "°" ? unit : ""} ± ${fixed(sigma, digits)}${unit}`;
 }
 
 const turning = (/** @type {number} */ sense) => (sense > 0 ? "anticlockwise" : "clockwise");
@@ -28,7 +28,7 @@ const VALUES = {
     ["Read noise", measured(noise.read_noise_e, report?.read_noise_e?.sigma, " e⁻")],
     ["Electrons at full scale", count(noise.full_scale_e)],
     ["Conversion gain", report?.gain_dn_e && `${measured(report.gain_dn_e.value, report.gain_dn_e.sigma)} DN per e⁻`],
-    ["Black, white", `${plain(black)}, ${plain(white)} DN`],
+    ["Black, white", `${significant(black)}, ${plain(white)} DN`],
     ["Gain setting", plain(gain)],
   ],
   flat: ({ sigma }, report) => [
