@@ -3,7 +3,7 @@
 import { get, makeDownload } from "./api.js";
 import { facts, h, panel } from "./dom.js";
 import { complain } from "./feedback.js";
-import { bytes, moment } from "./format.js";
+import { bytes, duration, moment, plain } from "./format.js";
 import { orientationWizard } from "./calibrationoffset.js";
 import { referenceWizard } from "./calibrationsteps.js";
 import { age, drafts, KINDS, reportOfReference, valuesOf } from "./references.js";
@@ -93,6 +93,17 @@ function tools(one, changed) {
 }
 
 /**
+ * Conditions of the photographs, as far as they are known.
+ * @param {Reference} one
+ * @returns {[string, Child][]}
+ */
+function conditionsOf({ conditions: { exposure_s, gain, average, wavelength_nm, region, mounting } }) {
+  const set = Object.entries(mounting ?? {}).map(([key, value]) => `${key.replace(/_deg$/, "").replaceAll("_", " ")} ${value}${key.endsWith("_deg") ? "°" : ""}`);
+  return [["Exposure", exposure_s && duration(exposure_s)], ["Gain", gain && plain(gain)], ["Average", average > 1 && `${average} frames`],
+    ["Wavelength", wavelength_nm && `${plain(wavelength_nm)} nm`], ["Region", region && region.join(", ")], ["Mounting", set.join(", ")]];
+}
+
+/**
  * @param {HTMLElement} main
  * @param {string} id
  * @param {AbortSignal} signal
@@ -109,7 +120,6 @@ async function detail(main, id, signal) {
   });
   const back = () => (location.hash = "#/calibration");
   const from = one.reconstruction ?? one.session;
-  const given = Object.entries(one.conditions).filter(([, value]) => value !== null && value !== undefined);
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, nameOf(one)),
     from && h("a", { class: "button", href: `#/result/${from}` }, "Result"), one.session && h("a", { class: "button", href: `#/session/${one.session}` }, "Session"),
     h("button", { type: "button", class: "quiet danger", onclick: () => discard(`/calibrations/${id}`, { id, name: nameOf(one) }, back) }, "Delete")),
@@ -119,5 +129,5 @@ async function detail(main, id, signal) {
       h("div", { class: "stack" },
         panel("Report", null, reportOfReference(one.report)),
         panel("Origin", null, facts([["Kind", title], ["Photographs", moment(one.taken)], ["Age", age(one.age_days)], ["Devices", one.devices.join(", ")], ["Notes", one.notes],
-          ["Conditions", given.map(([key, value]) => `${key.replaceAll("_", " ")} ${typeof value === "object" ? JSON.stringify(value) : value}`).join(", ")], ["Program", one.software], ["Id", h("code", {}, one.id)]])))));
+          ...conditionsOf(one), ["Program", one.software], ["Id", h("code", {}, one.id)]])))));
 }

@@ -1,14 +1,11 @@
 // Offset of orientations: from a result of a sample whose orientations are known.
 
-import { get, post, query } from "./api.js";
+import { post } from "./api.js";
 import { field, h, number, panel, segments, select } from "./dom.js";
 import { problemMessage } from "./feedback.js";
 import { resultOf } from "./calibrationseries.js";
 import { progressOf } from "./calibrationsteps.js";
-import { moment } from "./format.js";
-
-/** Newest results among which the list finds those with orientations. */
-const MOST = 500;
+import { viewable } from "./finding.js";
 
 /**
  * @param {HTMLElement} main
@@ -18,14 +15,12 @@ const MOST = 500;
  */
 export async function orientationWizard(main, kind, state, signal) {
   const progress = progressOf(kind, state);
-  /** @type {{ items: Job[] }} */
-  const { items: all } = await get(`/reconstructions${query({ limit: MOST })}`, { signal });
-  const items = all.filter((job) => job.method === "polarization" && job.state === "done");
+  const items = await viewable(signal, ["polarization"]);
   const input = (/** @type {string} */ key, value = "") => {
     const control = number({ id: `offset-${key}`, value: progress.get(key) ?? value, onchange: () => progress.set({ [key]: control.value || null }) });
     return control;
   };
-  const from = select(items.map((job) => [job.id, `${job.name} · ${moment(job.created)}`]), progress.get("from") ?? items[0]?.id ?? "", { id: "offset-from", onchange: () => progress.set({ from: from.value }) });
+  const from = select(items.map((job) => [job.id, `${job.title} · ${job.about}`]), progress.get("from") ?? items[0]?.id ?? "", { id: "offset-from", onchange: () => progress.set({ from: from.value }) });
   const [known, sigma, x, y] = [input("known_deg"), input("known_sigma_deg", "0"), input("x"), input("y")];
   const line = h("div", { class: "fields" }, field("Grating vector (°)", known, { hint: "Perpendicular to the lines, anticlockwise from the right of the image" }), field("σ (°)", sigma));
   const disc = h("div", { class: "fields" }, field("Centre, from the left (pixels)", x), field("Centre, from the top (pixels)", y));
@@ -56,6 +51,7 @@ export async function orientationWizard(main, kind, state, signal) {
       const options = way() === "disc" ? { center_px: [x.valueAsNumber, y.valueAsNumber] } : { known_deg: known.valueAsNumber, known_sigma_deg: sigma.valueAsNumber || 0 };
       const job = await post("/operations/orientation", { results: [from.value], options });
       progress.set({ from: from.value, result: job.id, kept: null });
+      result.element.querySelector(".before")?.remove();
       result.follow(job.id);
     } catch (problem) {
       problems.replaceChildren(problemMessage(problem));
@@ -68,4 +64,5 @@ export async function orientationWizard(main, kind, state, signal) {
     h("div", { class: "columns planning" }, panel("Known sample", null, items.length ? form : empty), panel("Result", null, result.element)));
   const shown = progress.get("result");
   if (shown) result.follow(shown);
+  else result.element.prepend(h("p", { class: "soft before" }, "The offset and its standard deviation appear here."));
 }
