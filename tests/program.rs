@@ -7,6 +7,7 @@ mod bad_input;
 mod bokeh;
 mod brdf;
 mod browser;
+mod calibration_page;
 mod calibrations;
 mod capture;
 mod catalogue;

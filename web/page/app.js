@@ -6,6 +6,7 @@ import { alarm, complain, problemMessage, tell } from "./feedback.js";
 import { onReturn, refresh, service, start, watch } from "./service.js";
 import { benchPage } from "./bench.js";
 import { calibratePage } from "./calibrate.js";
+import { calibrationPage } from "./calibration.js";
 import { chartsPage } from "./charts.js";
 import { newPage } from "./new.js";
 import { loadOperations } from "./operationform.js";
@@ -22,6 +23,7 @@ import { uploadPage } from "./upload.js";
 const ROUTES = {
   bench: ["Bench", benchPage],
   calibrate: ["Calibrate", calibratePage],
+  calibration: ["Calibration", calibrationPage],
   new: ["New session", newPage],
   session: ["Session", sessionPage],
   sessions: ["Sessions", sessionsPage],
@@ -40,7 +42,7 @@ const ROUTES = {
 };
 /** Links of pages that have none of their own. */
 const PARENTS = {
-  session: "#/sessions", trash: "#/sessions", result: "#/results", view: "#/results", maps: "#/results", inspect: "#/results", calibrate: "#/bench",
+  session: "#/sessions", trash: "#/sessions", result: "#/results", view: "#/results", maps: "#/results", inspect: "#/results", calibrate: "#/calibration",
 };
 /** Pages with forms of operations. */
 const FORMS = ["new", "result", "upload", "render", "session", "inspect"];
@@ -75,7 +77,7 @@ async function route() {
     if (problem.slug === undefined) console.error(problem);
     const gone = problem.status === 404 && id;
     main.replaceChildren(h("div", { class: "head" }, h("h1", {}, title)),
-      gone ? h("div", { class: "message", role: "alert" }, h("strong", {}, `This ${name === "session" ? "session" : "result"} does not exist`), "It may have been deleted; the trash keeps what was deleted for some days.") : problemMessage(problem),
+      gone ? h("div", { class: "message", role: "alert" }, h("strong", {}, `This ${["session", "calibration"].includes(name) ? name : "result"} does not exist`), "It may have been deleted; the trash keeps what was deleted for some days.") : problemMessage(problem),
       h("p", { class: "row ways" }, failed && h("button", { type: "button", onclick: route }, "Try again"), ...waysBack(name).map(([href, text]) => h("a", { class: "button", href }, text))));
   }
 }

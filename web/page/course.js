@@ -15,7 +15,7 @@ export function phaseOf(/** @type {string | null} */ stage) {
 
 /** Phases that a session with this plan has. */
 function phasesOf(plan) {
-  const metered = plan?.camera?.exposure === "meter" || Boolean(plan?.bracket);
+  const metered = plan?.camera?.exposure === "meter" || Boolean(plan?.bracket) || (plan?.kind === "calibration" && !plan?.camera?.exposure_ms);
   return PHASES.filter(([key]) => key === "frames" || (key === "metering" ? metered : Boolean(plan?.reconstruct)));
 }
 

@@ -11,9 +11,11 @@ import { hdrView } from "./hdrview.js";
 import { lutCurves } from "./lutcurves.js";
 import { forFile, headingOf } from "./naming.js";
 import { operationForm } from "./operationform.js";
+import { reportOfReference } from "./references.js";
 import { exposure, reportOfRender } from "./rendering.js";
 
-const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, foil: reportOfFoil, calibrate: reportOfCalibration, map: reportOfMap, render: reportOfRender };
+const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, foil: reportOfFoil, calibrate: reportOfCalibration, map: reportOfMap, render: reportOfRender,
+  camera: reportOfReference, flat: reportOfReference, analyser: reportOfReference, retarder: reportOfReference, orientation: reportOfReference };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
   "lut.png": "The table under its light, tone-mapped for the eye, over half vectors: the zero order is in the middle. Grey is not measured.",
@@ -26,6 +28,10 @@ const MEANING = {
   "before-after.png": "Before on the left, after on the right, in the same colours.",
   "render.png": "The scene as a screen shows it: what is brighter than white is compressed, colours that no screen has are paler. Measure on render.exr.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
+  "bad-pixels.png": "Pixels whose darkness or response differs from that of the others.",
+  "flat.png": "Light of each pixel, relative to the mean.",
+  "analyser.png": "Light over the angle of the analyser, and residuals.",
+  "retarder.png": "Light over the angle of the analyser, and residuals.",
   "figure.png": "For publications, also as figure.svg: angles or half vectors on the axes, luminance on a logarithmic scale with the limits of its colours.",
 };
 

@@ -11,6 +11,7 @@ import { heading } from "./naming.js";
 import { prepare } from "./new.js";
 import { notifyButton } from "./notify.js";
 import { pretty } from "./plan.js";
+import { calibrationsUsed } from "./references.js";
 import { remedies } from "./remedy.js";
 import { sessionForms } from "./sessionforms.js";
 import { onReturn } from "./service.js";
@@ -83,7 +84,8 @@ export async function sessionPage(main, { id, signal }) {
   const lastAbout = h("span", { class: "soft" });
   const lastEmpty = h("p", { class: "empty" }, "No frame yet.");
   const map = h("img", { id: "live-map", alt: "Map so far", hidden: true });
-  const pictured = { hdr: ["hdr.png", "Merged exposures, tone-mapped."], lut: ["lut.png", "The table under its light."], bokeh: ["deconvolved.png", "The highlight, its blur taken out."], spots: ["period.png", "Periods by fringes."], flash: ["orientation.png", "Orientations by flash photographs."] }[session.plan?.reconstruct?.operation];
+  const pictured = { hdr: ["hdr.png", "Merged exposures, tone-mapped."], lut: ["lut.png", "The table under its light."], bokeh: ["deconvolved.png", "The highlight, its blur taken out."], spots: ["period.png", "Periods by fringes."], flash: ["orientation.png", "Orientations by flash photographs."],
+    camera: ["bad-pixels.png", "Pixels with defects."], flat: ["flat.png", "Relative light."] }[session.plan?.reconstruct?.operation];
   const mapEmpty = h("p", { class: "empty" }, pictured ? "Made after the last exposure." : "The map appears after three angles.");
   const mapAbout = h("span", { class: "soft" });
   const legend = h("div", { class: "legend" });
@@ -94,8 +96,10 @@ export async function sessionPage(main, { id, signal }) {
   const rose = wheel(112);
   addEventListener("themechange", () => rose.refresh(), { signal });
 
+  const used = calibrationsUsed();
   const forms = sessionForms(session, () => frames, signal);
-  const repeat = h("a", { class: "button", href: "#/new", onclick: () => prepare(session.plan) }, "Repeat");
+  const repeat = session.kind === "calibration" ? h("a", { class: "button", href: `#/calibration/${session.plan?.calibration?.of ?? ""}` }, "Repeat")
+    : h("a", { class: "button", href: "#/new", onclick: () => prepare(session.plan) }, "Repeat");
   const tableHolder = scrolling("Frames");
   const table = h("details", { ontoggle: () => table.open && paintFrames() }, h("summary", {}, "Frames"), tableHolder);
   const fileHolder = scrolling("Files");
@@ -114,6 +118,7 @@ export async function sessionPage(main, { id, signal }) {
         panel("Session", null, facts([
           ["Sample", session.sample], ["Operator", session.operator], ["Notes", session.notes], ["Kind", words(session.kind)],
           ["Begun", moment(session.created)], ["Id", h("code", {}, id)]])),
+        used.element,
         panel("Events", null, log), h("section", { class: "panel stack" }, table, files,
           h("details", {}, h("summary", {}, "Plan"), h("pre", { class: "scroll code", tabindex: 0 }, session.plan ? pretty(session.plan) : ""))))));
 
@@ -161,6 +166,7 @@ export async function sessionPage(main, { id, signal }) {
     notify.hidden ||= !going;
     for (const [verb, button] of Object.entries(buttons)) button.disabled = !can.includes(verb);
     remedy.update(session);
+    used.update(session);
     progress.value = session.frames_planned ? session.frames_committed / session.frames_planned : 0;
     say(taken, `${session.frames_committed} of ${session.frames_planned}`);
     sigma.hidden = !session.sigma;

@@ -14,6 +14,32 @@ interface Devices {
     interlocks: { id: string; holds: boolean | null }[];
 }
 
+/** A stored calibration of the bench. */
+interface Reference {
+    id: string;
+    kind: "camera" | "flat" | "analyser" | "retarder" | "orientation";
+    name: string;
+    notes: string;
+    taken: number;
+    age_days: number;
+    devices: string[];
+    conditions: Record<string, any>;
+    session: string | null;
+    reconstruction: string | null;
+    software: string;
+    applies: boolean;
+    reason: string | null;
+    // Values and reports differ with the kind.
+    values: any;
+    report?: any;
+}
+
+interface CalibrationList {
+    items: Reference[];
+    problems: string[];
+    max_age_days: number;
+}
+
 /** An operation, and the JSON Schema of its options. */
 interface Offered {
     name: string;
@@ -75,6 +101,8 @@ interface Session {
     has_results: boolean;
     ended?: string | null;
     timing?: { wall_s: number } | null;
+    warnings?: string[];
+    calibration?: Record<string, { source?: { id: string; taken: number; devices: string[] } } | null> | null;
     // A plan and what a series knows so far differ with the kind of session.
     sigma?: any;
     plan?: any;

@@ -1,0 +1,184 @@
+//! Calibration on the page, in headless Chromium: the list of calibrations, and the steps of new ones.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_tests::Place;
+use nacre_tests::chromium::Browser;
+use nacre_tests::http::{Service, begin};
+use serde_json::{Value, json};
+use std::fs;
+
+/// A polarizer on a mirror, and an analyser with an error of its zero.
+const POLARIZER: &str = "camera = { width = 64, height = 48 }\nsample = { kind = \"polarizer\", turn_deg = 20 }\n\
+                         stage = { zero_deg = 33, extinction_ratio = 500 }\n";
+
+/// A mirror, and the panel with its film.
+const FILM: &str = "camera = { width = 64, height = 48 }\nsample = { kind = \"mirror\" }\n\
+                    panel = { retarder_deg = 48, retardance_deg = 84 }\n";
+
+/// A camera out of focus, for even light.
+const EVEN: &str = "camera = { width = 64, height = 48, blur_px = 8 }\n";
+
+struct Page {
+    browser: Browser,
+    service: Service,
+}
+
+impl Page {
+    fn visit(&self, hash: &str) {
+        self.browser.open("about:blank");
+        self.browser.open(&format!("http://{}/#/{hash}", self.service.address));
+    }
+
+    fn says(&self, css: &str, words: &str) {
+        self.browser.until(&format!("document.querySelector('{css}')?.innerText.includes({})", json!(words)));
+    }
+
+    fn set(&self, id: &str, value: &str) {
+        self.browser.run(&format!(
+            "const e = document.getElementById('{id}'); e.value = '{value}'; for (const what of ['input', 'change']) e.dispatchEvent(new Event(what, {{ bubbles: true }}))"
+        ));
+    }
+
+    /// Checks the light, which opens the step of the first photographs.
+    fn light(&self) {
+        self.browser.until("document.querySelector('#light')?.innerText === 'Light off'");
+        self.browser.until("!document.querySelector('#check-light').disabled");
+        self.browser.click("#check-light");
+        self.says("#light-said", "Saturated:");
+        self.says("#light-said", "The light is suitable.");
+        self.browser.until("document.querySelector('#take-first').checkVisibility()");
+    }
+
+    /// Takes a series, and waits until all frames are there.
+    fn take(&self, series: &str) {
+        self.browser.until(&format!("!document.querySelector('#take-{series}').disabled"));
+        self.browser.click(&format!("#take-{series}"));
+        self.browser.until(&format!(
+            "document.querySelector('#take-{series}').innerText === 'Repeat the photographs' && !document.querySelector('#take-{series}').disabled"
+        ));
+    }
+
+    fn calibrations(&self) -> Value {
+        self.service.get("/api/v1/calibrations").expect(200).json()["items"].clone()
+    }
+
+    fn accessible(&self, name: &str) {
+        self.browser.until("document.getAnimations().every((a) => !(a instanceof CSSTransition))");
+        assert_eq!(self.browser.run(include_str!("accessible.js"))[0], json!([]), "{name}");
+    }
+}
+
+fn page(bench: &str, place: &Place) -> Option<Page> {
+    fs::write(place.path("bench.toml"), bench).unwrap();
+    Some(Page { browser: Browser::start()?, service: Service::start(place, &[]) })
+}
+
+/// A simulated polarizer cannot be turned over while the service runs, so both series are those of its front.
+#[test]
+fn the_analyser_is_calibrated_step_by_step() {
+    let place = Place::with_bench("", POLARIZER);
+    let Some(page) = page(POLARIZER, &place) else { return };
+    let browser = &page.browser;
+    page.visit("calibration/analyser");
+    page.light();
+    page.accessible("first step");
+    page.take("first");
+    // The address keeps the progress.
+    browser.run("location.reload()");
+    browser.until("document.querySelector('#take-second')?.checkVisibility()");
+    assert!(browser.run("return location.hash").as_str().unwrap().contains("first="));
+    browser.both("calibration-analyser");
+    page.take("second");
+    browser.click("#compute");
+    page.says("#calibration-result", "about 20° from the horizontal");
+    assert_eq!(browser.run("return document.querySelector('#keep')"), Value::Null);
+    page.accessible("refusal");
+    // The list leads back to the unfinished calibration.
+    page.visit("calibration");
+    page.says("[data-calibrate=analyser]", "Continue");
+    browser.click("[data-calibrate=analyser]");
+    page.says("#calibration-result", "about 20° from the horizontal");
+    browser.click("#start-over");
+    browser.until("document.querySelector('#check-light') && !location.hash.includes('?')");
+}
+
+#[test]
+fn the_retarder_is_calibrated_and_stored() {
+    let place = Place::with_bench("", FILM);
+    let Some(page) = page(FILM, &place) else { return };
+    let browser = &page.browser;
+    page.visit("calibration/retarder");
+    page.light();
+    page.take("first");
+    browser.click("[data-key=stated]");
+    page.set("calibration-panel_deg", "0");
+    browser.until("document.querySelector('#compute').checkVisibility()");
+    browser.click("#compute");
+    page.says("#calibration-result", "Retardance");
+    page.says("#calibration-result", "the analyser is not calibrated");
+    browser.until("document.querySelector('#calibration-result img:not([hidden])')");
+    page.accessible("result");
+    browser.both("calibration-retarder");
+    page.set("calibration-name", "film of May");
+    browser.click("#keep");
+    page.says("#calibration-result", "This calibration is stored.");
+    let kept = page.calibrations();
+    let film = &kept[0]["values"]["retarder"];
+    assert_eq!((&kept[0]["name"], kept.as_array().unwrap().len()), (&json!("film of May"), 1));
+    let off = |key: &str, truth: f64| (film[key].as_f64().unwrap() - truth).abs();
+    assert!(off("azimuth_deg", 48.0) < 1.0 && off("retardance_deg", 84.0) < 1.0, "{film}");
+    // A session that uses it names it.
+    let plan = json!({ "plan": { "kind": "polarization", "camera": { "exposure_ms": 5 }, "analyser": { "angles_deg": [0, 60, 120] } } });
+    page.visit(&format!("session/{}", begin(&page.service, &plan)));
+    page.says("[aria-label=Calibrations]", "Retarder");
+    // The page of its result has the same report.
+    page.visit(&format!("result/{}", kept[0]["reconstruction"].as_str().unwrap()));
+    page.says("[aria-label=Report]", "Retardance");
+    page.accessible("page of the result");
+}
+
+#[test]
+fn camera_calibrations_are_listed_and_deleted() {
+    let place = Place::with_bench("", EVEN);
+    let Some(page) = page(EVEN, &place) else { return };
+    let browser = &page.browser;
+    page.visit("calibration");
+    page.says("[data-kind=camera]", "missing");
+    browser.click("[data-calibrate=camera]");
+    page.light();
+    page.take("first");
+    page.says("#calibration-result", "The session has stored this calibration.");
+    page.says("#calibration-result", "Read noise");
+    page.accessible("camera");
+    browser.both("calibration-camera");
+    let id = page.calibrations()[0]["id"].as_str().unwrap().to_owned();
+    // One that is too old is not in use.
+    let record = place.path(&format!("data/calibrations/{id}/record.json"));
+    let mut old: Value = serde_json::from_slice(&fs::read(&record).unwrap()).unwrap();
+    old["taken"] = json!(old["taken"].as_u64().unwrap() - 100 * 86_400);
+    fs::write(&record, old.to_string()).unwrap();
+    page.visit("calibration");
+    page.says("[data-kind=camera]", "not in use");
+    page.says("[data-kind=camera]", "100 days");
+    page.accessible("list");
+    browser.both("calibrations");
+    browser.phone(true);
+    page.accessible("list on a phone");
+    browser.both("calibrations-phone");
+    browser.phone(false);
+    browser.click("[data-kind=camera] [aria-label^=Report]");
+    page.says("main", "Read noise");
+    page.accessible("detail");
+    browser.both("calibration-detail");
+    page.visit("calibration");
+    page.says("[data-kind=camera]", "Read noise");
+    browser.click("[data-kind=camera] [aria-label^=Delete]");
+    page.says("[data-kind=camera]", "missing");
+    browser.click("#notices button:not(.icon)");
+    page.says("[data-kind=camera]", "not in use");
+    // Orientations need a result first.
+    page.visit("calibration/orientation");
+    page.says("main", "There is no result with orientations yet.");
+    page.accessible("orientation");
+}
