@@ -146,6 +146,8 @@ impl Staged {
 
 /// Links the files of a result, and the description of its session, into a new folder.
 fn link(result: &UsedResult, data: &Path, place: &Path) -> Result<(), Error> {
+    // A link from another folder does not find a relative path.
+    let data = &std::path::absolute(data).map_err(|e| Error::output(data, e))?;
     let session = |id: &str| data.join("sessions").join(id);
     let own = session(&result.id);
     let folder = if own.join(SESSION_FILE).exists() { own.join("results") } else { result_folder(data, &result.id) };
@@ -216,6 +218,11 @@ mod tests {
         for wrong in ["result:R/../x", "result:R/none.toml", "result:S", "limits.toml"] {
             assert_eq!(staged.path(wrong), None, "{wrong}");
         }
+        // A data folder may be relative to the working folder.
+        let up: PathBuf = std::env::current_dir().unwrap().components().skip(1).map(|_| "..").collect();
+        let relative = up.join(data.path().strip_prefix("/").unwrap());
+        let staged = Staged::of(&spec, &relative).unwrap().unwrap();
+        assert!(staged.input().join("Sheet 1-2-/a.exr").is_file());
         let gone = Spec { results: vec![used("Q", None)], ..Spec::default() };
         assert!(Staged::of(&gone, data.path()).err().unwrap().to_string().contains("no longer exists"));
     }
