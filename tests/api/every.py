@@ -109,12 +109,17 @@ def orders():
     flats()
     yield "camera", {"upload": upload("photographs", *Path().glob("flat?.png"), *Path().glob("dark?.png"), frames="flats.json"), "options": {}}
     turn = ",".join(map(str, range(0, 360, 30)))
-    for kind in ("polarizer", "mirror", "paper", "kinematic"):
-        nacre(f"sim render --sample {kind} --size 32 --angles-deg {turn} --out {kind}")
-    yield "analyser", {"upload": photographs("polarizer", "polarizer/frames.json"), "options": {"axis_deg": 0, "axis_sigma_deg": 0.1}}
-    yield "retarder", {"upload": photographs("mirror", "mirror/frames.json"), "options": {"panel_deg": 0, "panel_sigma_deg": 0.1}}
-    yield "flat", {"upload": photographs("paper", "paper/frames.json"), "options": {}}
-    of = {"upload": photographs("kinematic", "kinematic/frames.json"), "options": {"model": "circle"}}
+    def turned(sample):
+        """Uploads a turn of the analyser about a simulated sample, without the folders of a session."""
+        nacre(f"sim render --sample {sample} --size 32 --angles-deg {turn} --out {sample}")
+        described = Path(sample, "frames.json")
+        described.write_text(described.read_text().replace("frames/", ""))
+        return upload("photographs", *sorted(Path(sample, "frames").glob("*.png")), frames=described)
+
+    yield "analyser", {"upload": turned("polarizer"), "options": {"axis_deg": 0, "axis_sigma_deg": 0.1}}
+    yield "retarder", {"upload": turned("mirror"), "options": {"panel_deg": 0, "panel_sigma_deg": 0.1}}
+    yield "flat", {"upload": turned("paper"), "options": {}}
+    of = {"upload": turned("kinematic"), "options": {"model": "circle"}}
     yield "orientation", {"results": [run("polarization", of).id], "options": {"known_deg": 30}}
     yield "inspect", {"upload": upload("maps", *Path("drawn").glob("*.exr")), "options": {"reference": "orientation.exr"}}
 
