@@ -77,7 +77,8 @@ fn frames_of_a_camera_name_their_dark_frames_and_reconstruct() {
         assert!(darks.iter().all(|dark| place.path("s").join(dark.as_str().unwrap()).exists()));
     }
     let noise = json_file(&place.path("s/results/report.json"))["noise"]["full_scale_e"].as_f64().unwrap();
-    assert!((noise / 40_000.0 - 1.0).abs() < 0.1, "{noise}");
+    // Four standard deviations of the gain, from four exposures of some 3,000 pixels.
+    assert!((noise / 40_000.0 - 1.0).abs() < 0.05, "{noise}");
     // Results that are computed again, here beside a calibration, are kept once.
     let result = place.path("s/results");
     fs::remove_file(result.join("report.json")).unwrap();

@@ -40,7 +40,7 @@ pub struct CalibrationDoc {
     age_days: f64,
     /// Identities of the devices that it depends on.
     devices: Vec<String>,
-    /// Exposure, gain, wavelength, region and mounting of its photographs, as far as they are known.
+    /// Exposure, gain, wavelength, region and mounting of its photographs. Unknown ones are absent.
     #[schema(value_type = Object)]
     conditions: Conditions,
     /// Session of its photographs.

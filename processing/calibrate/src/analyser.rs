@@ -12,6 +12,7 @@ use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder, Result};
 use nacre_frames::{AnalyserCalibration, CALIBRATION_FILE, Calibration, LoadedFrames};
 use nacre_image::budget;
+use nacre_optics::polarization::angle_difference;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -194,7 +195,7 @@ pub(crate) fn degrees(rad: Measured) -> Measured {
 
 /// The equivalent direction from -90° to 90°.
 pub(crate) fn near_zero(degrees: f64) -> f64 {
-    (degrees + 90.0).rem_euclid(180.0) - 90.0
+    angle_difference(degrees.to_radians(), 0.0).to_degrees()
 }
 
 impl Operation for Options {

@@ -208,6 +208,7 @@ fn solve(lights: &[Light], start: Parameters, count: usize, [of_angle, of_light]
 mod tests {
     use super::*;
     use nacre_base::random::Stream;
+    use nacre_optics::polarization::angle_difference;
 
     /// Standard normal deviate (Box and Muller 1958).
     fn normal(random: &mut Stream) -> f64 {
@@ -248,7 +249,7 @@ mod tests {
             ];
             beyond += errors.iter().filter(|(m, truth)| (m.value - truth).abs() > 3.0 * m.sigma).count();
             let angle = found.parallel();
-            let off = (angle.value - 0.5 * sin.atan2(cos) + 0.5 * PI).rem_euclid(PI) - 0.5 * PI;
+            let off = angle_difference(angle.value, 0.5 * sin.atan2(cos));
             beyond += usize::from(off.abs() > 3.0 * angle.sigma);
         }
         // 1,000 numbers, of which 0.3 % of normal ones are beyond.

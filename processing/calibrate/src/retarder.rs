@@ -16,10 +16,10 @@ use nacre_base::operation::{MISSING, Operation, SCHEMA, Summary, lines};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder, Result};
 use nacre_frames::{CALIBRATION_FILE, Calibration, LoadedFrames, RetarderCalibration};
-use nacre_optics::polarization::{Jones, JonesVector};
+use nacre_optics::polarization::{Jones, JonesVector, angle_difference};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -142,7 +142,7 @@ impl Options {
         let mut angle = measured;
         for _ in 0..ITERATIONS {
             let [s1, s2] = mirror.reflected(JonesVector::linear(angle));
-            angle += (measured - 0.5 * s2.atan2(s1) + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2;
+            angle += angle_difference(measured, 0.5 * s2.atan2(s1));
         }
         Ok(Panel { angle, sigma, contrast: Some(contrast), series: Some((Turn { lights, ..turn }, found)) })
     }

@@ -72,7 +72,7 @@ pub struct Record {
     pub software: String,
 }
 
-/// Conditions of a calibration's photographs, as far as the session states them.
+/// Conditions of a calibration's photographs. Unknown ones are absent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Conditions {

@@ -307,7 +307,7 @@ pub fn is_vacant(folder: &Path) -> bool {
     }
 }
 
-/// Path of a file that is not complete yet.
+/// Path of the temporary file under which a file is written.
 fn partial(folder: &Path, name: &str) -> PathBuf {
     folder.join(name).with_extension("partial")
 }

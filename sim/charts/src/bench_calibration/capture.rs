@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Angles of a turn: every 15°.
-const TURN: usize = 24;
+pub(super) const TURN: usize = 24;
 
 /// Angles about the crossed direction in degrees.
 const CROSSED_DEG: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
@@ -29,15 +29,12 @@ pub(super) enum Shot {
         /// Number of exposures.
         levels: usize,
     },
-    /// A full turn of the analyser, and angles near the darkest.
+    /// Evenly spaced angles over a turn of the analyser, and angles near the darkest.
     Turn {
+        /// Number of evenly spaced angles.
+        count: usize,
         /// Whether the angles near the darkest are wanted.
         crossed: bool,
-    },
-    /// Evenly spaced angles over a turn.
-    Even {
-        /// Number of angles.
-        count: usize,
     },
 }
 
@@ -81,8 +78,7 @@ pub(super) fn shoot(config: &BenchConfig, shot: &Shot, calibration: &Calibration
     let mut camera = Camera { bench: Bench::new(config, &Silent)?, folder, count: 0 };
     let (kind, frames) = match shot {
         Shot::Transfer { levels } => (Kind::Exposures, transfer(&mut camera, exposure_s, *levels)?),
-        Shot::Turn { crossed } => (Kind::Polarization, turn(&mut camera, exposure_s, TURN, *crossed)?),
-        Shot::Even { count } => (Kind::Polarization, turn(&mut camera, exposure_s, *count, false)?),
+        Shot::Turn { count, crossed } => (Kind::Polarization, turn(&mut camera, exposure_s, *count, *crossed)?),
     };
     let [black, white] = levels(config);
     let geometry = &config.geometry;

@@ -6,13 +6,14 @@ pub(crate) mod study;
 
 pub use session::{Absolute, absolute, ideal};
 
-use capture::{Shot, shoot};
+use capture::{Shot, TURN, shoot};
 use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
 use nacre_calibrate::transfer::Measured;
 use nacre_calibrate::{analyser, camera, retarder};
 use nacre_frames::{CALIBRATION_FILE, Calibration};
+use nacre_optics::polarization::angle_difference;
 use nacre_sim::BenchConfig;
 use nacre_sim::random::{key, uniform};
 use nacre_sim::surface::SampleKind;
@@ -108,7 +109,7 @@ fn calibrate_analyser(
     let axis = AXIS_DEG + BY_EYE_DEG * (2.0 * uniform(key(&[seed, 0xa])) - 1.0);
     for (name, axis) in [("front", axis), ("back", -axis)] {
         let reference = with_reference(bench, SampleKind::Polarizer, axis, 2 + u64::from(name == "back"));
-        shoot(&reference, &Shot::Turn { crossed: true }, before, &folder.join(name))?;
+        shoot(&reference, &Shot::Turn { count: TURN, crossed: true }, before, &folder.join(name))?;
     }
     let options = analyser::Options {
         axis_deg: Some(AXIS_DEG),
@@ -118,7 +119,8 @@ fn calibrate_analyser(
     let report = perform(&options, &folder.join("front"), &folder.join("analyser"), false, &Silent)?;
     let stage = &bench.stage;
     let zero = report.zero_deg;
-    let same = (stage.zero_deg - zero.value + 90.0).rem_euclid(180.0) - 90.0 + zero.value;
+    let off = angle_difference(stage.zero_deg.to_radians(), zero.value.to_radians());
+    let same = zero.value + off.to_degrees();
     all.push(Checked { name: "zero (°)", measured: zero, truth: same });
     let sense = Measured { value: report.sense.into(), sigma: 0.0 };
     all.push(Checked { name: "sense", measured: sense, truth: if stage.clockwise { -1.0 } else { 1.0 } });
@@ -145,7 +147,7 @@ fn calibrate_retarder(
     let mut bare = with_reference(bench, SampleKind::Mirror, 0.0, 5);
     bare.panel.retardance_deg = 0.0;
     for (name, bench) in [("film", &with_film), ("bare", &bare)] {
-        shoot(bench, &Shot::Turn { crossed: false }, before, &folder.join(name))?;
+        shoot(bench, &Shot::Turn { count: TURN, crossed: false }, before, &folder.join(name))?;
     }
     let options = retarder::Options { bare: Some(folder.join("bare")), ..retarder::Options::default() };
     let report = perform(&options, &folder.join("film"), &folder.join("retarder"), false, &Silent)?;
@@ -191,6 +193,7 @@ mod tests {
                     _ => 0.05,
                 };
                 assert!(off <= allowed, "seed {seed}, {name}: {measured:?} for {truth}");
+                // Of 22 normal quantities one in 700 series exceeds 4 σ.
                 assert!(off <= 4.0 * measured.sigma, "seed {seed}, {name}: {measured:?} for {truth}");
             }
         }

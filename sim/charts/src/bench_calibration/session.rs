@@ -1,6 +1,6 @@
 //! Absolute orientations of a session on a calibrated bench.
 
-use super::capture::{Shot, shoot};
+use super::capture::{Shot, TURN, shoot};
 use super::{with_reference, written};
 use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
@@ -47,7 +47,7 @@ pub fn absolute(bench: &BenchConfig, calibration: &Calibration, folder: &Path) -
     let auto = Options { model: Some(Model::Auto), ..Options::default() };
     let captured = |bench: &BenchConfig, calibration: &Calibration, name: &str| {
         let (input, out) = (folder.join(format!("{name}-session")), folder.join(name));
-        shoot(bench, &Shot::Turn { crossed: false }, calibration, &input)?;
+        shoot(bench, &Shot::Turn { count: TURN, crossed: false }, calibration, &input)?;
         reconstruct(&input, &out, &auto, &Silent).map(|report| (out, report))
     };
     let (known, _) = captured(&reference, calibration, "reference")?;

@@ -1,13 +1,14 @@
 //! Studies of calibrations of the bench: gain in accuracy, and number of angles.
 
+use super::capture::{Shot, shoot};
 use super::session::{absolute, ideal};
 use super::{bench, with_reference, written};
-use crate::bench_calibration::capture::{Shot, shoot};
 use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
 use nacre_calibrate::analyser;
 use nacre_frames::{AnalyserCalibration, Calibration, CameraCalibration, NoiseModel, RetarderCalibration};
+use nacre_optics::polarization::angle_difference;
 use nacre_sim::BenchConfig;
 use nacre_sim::surface::SampleKind;
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
@@ -150,7 +151,7 @@ fn zero(count: usize, scatter_deg: f64, seed: u64) -> Result<Outcome> {
     let folder = tempfile::tempdir().map_err(|e| Error::output(&std::env::temp_dir(), e))?;
     for (name, axis) in [("front", 20.0), ("back", -20.0)] {
         let reference = with_reference(&bench, SampleKind::Polarizer, axis, if name == "back" { 3 } else { 2 });
-        shoot(&reference, &Shot::Even { count }, &Calibration::default(), &folder.path().join(name))?;
+        shoot(&reference, &Shot::Turn { count, crossed: false }, &Calibration::default(), &folder.path().join(name))?;
     }
     let options = analyser::Options {
         axis_deg: Some(20.0),
@@ -164,7 +165,7 @@ fn zero(count: usize, scatter_deg: f64, seed: u64) -> Result<Outcome> {
     let Some(found) = written(&out)?.analyser else {
         return Ok(Outcome { error: None, seconds, masked: 1.0, wrong: 0.0, predicted: None });
     };
-    let off = ((found.zero_deg - bench.stage.zero_deg + 90.0).rem_euclid(180.0) - 90.0).abs();
+    let off = angle_difference(found.zero_deg.to_radians(), bench.stage.zero_deg.to_radians()).abs().to_degrees();
     let wrong = f64::from(u8::from(off > 5.0 * found.zero_sigma_deg));
     Ok(Outcome { error: Some(off), seconds, masked: 0.0, wrong, predicted: Some(found.zero_sigma_deg) })
 }
