@@ -16,6 +16,12 @@ const POLARIZER: &str = "camera = { width = 64, height = 48 }\nsample = { kind =
 const FILM: &str = "camera = { width = 64, height = 48 }\nsample = { kind = \"mirror\" }\n\
                     panel = { retarder_deg = 48, retardance_deg = 84 }\n";
 
+/// White paper in focus, for a flat field.
+const PAPER: &str = "camera = { width = 64, height = 48 }\nsample = { kind = \"paper\" }\n";
+
+/// A grating along 0°, whose orientation is known.
+const RULED: &str = "camera = { width = 64, height = 48 }\nsample = { kind = \"ruled\" }\n";
+
 /// A camera out of focus, for even light.
 const EVEN: &str = "camera = { width = 64, height = 48, blur_px = 8 }\n";
 
@@ -61,6 +67,25 @@ impl Page {
 
     fn calibrations(&self) -> Value {
         self.service.get("/api/v1/calibrations").expect(200).json()["items"].clone()
+    }
+
+    /// Opens the same address at a service with another bench.
+    fn on_another_bench(&mut self, place: &Place, bench: &str) {
+        let hash = self.browser.run("return location.hash");
+        let hash = hash.as_str().unwrap().trim_start_matches("#/").to_owned();
+        self.service.signal("TERM");
+        self.service.ended();
+        fs::write(place.path("bench.toml"), bench).unwrap();
+        self.service = Service::start(place, &[]);
+        self.visit(&hash);
+    }
+
+    /// Stores the result, and returns the stored calibration.
+    fn keep(&self) -> Value {
+        self.browser.until("document.querySelector('#keep')");
+        self.browser.click("#keep");
+        self.says("#calibration-result", "This calibration is stored.");
+        self.calibrations()[0].clone()
     }
 
     fn accessible(&self, name: &str) {
@@ -136,6 +161,87 @@ fn the_retarder_is_calibrated_and_stored() {
     page.visit(&format!("result/{}", kept[0]["reconstruction"].as_str().unwrap()));
     page.says("[aria-label=Report]", "Retardance");
     page.accessible("page of the result");
+}
+
+/// The polarizer is turned over, which is another bench.
+#[test]
+fn the_analyser_is_calibrated_with_both_sides_and_stored() {
+    let place = Place::with_bench("", POLARIZER);
+    let Some(mut page) = page(POLARIZER, &place) else { return };
+    page.visit("calibration/analyser");
+    page.light();
+    page.take("first");
+    page.on_another_bench(&place, &POLARIZER.replace("turn_deg = 20", "turn_deg = -20"));
+    page.browser.until("document.querySelector('#take-second')?.checkVisibility()");
+    page.take("second");
+    page.browser.until("document.querySelector('#compute').checkVisibility()");
+    page.browser.click("#compute");
+    page.says("#calibration-result", "Zero");
+    page.browser.both("calibration-analyser-result");
+    let kept = page.keep();
+    let analyser = &kept["values"]["analyser"];
+    assert!((analyser["zero_deg"].as_f64().unwrap() - 33.0).abs() < 0.2, "{analyser}");
+    assert!((analyser["extinction_ratio"].as_f64().unwrap() / 500.0 - 1.0).abs() < 0.2, "{analyser}");
+}
+
+/// Without its film, the panel is another bench.
+#[test]
+fn the_retarder_is_calibrated_with_the_film_removed() {
+    let place = Place::with_bench("", FILM);
+    let Some(mut page) = page(FILM, &place) else { return };
+    page.visit("calibration/retarder");
+    page.light();
+    page.take("first");
+    page.on_another_bench(&place, &FILM.replace("retardance_deg = 84", "retardance_deg = 0"));
+    page.browser.until("document.querySelector('#take-second')?.checkVisibility()");
+    page.take("second");
+    page.browser.until("document.querySelector('#compute').checkVisibility()");
+    page.browser.click("#compute");
+    page.says("#calibration-result", "Retardance");
+    let film = page.keep()["values"]["retarder"].clone();
+    let off = |key: &str, truth: f64| (film[key].as_f64().unwrap() - truth).abs();
+    assert!(
+        off("azimuth_deg", 48.0) < 0.5 && off("retardance_deg", 84.0) < 0.5 && off("panel_deg", 0.0) < 0.5,
+        "{film}"
+    );
+}
+
+#[test]
+fn a_flat_field_is_measured_and_stored() {
+    let place = Place::with_bench("", PAPER);
+    let Some(page) = page(PAPER, &place) else { return };
+    page.visit("calibration/flat");
+    page.light();
+    page.take("first");
+    page.says("#calibration-result", "The session has stored this calibration.");
+    page.browser.until("document.querySelector('#calibration-result img:not([hidden])')");
+    page.accessible("flat field");
+    page.browser.both("calibration-flat");
+    page.browser.phone(true);
+    page.browser.both("calibration-flat-phone");
+    let kept = page.calibrations();
+    assert!(kept[0]["values"]["flat"]["sigma"].as_f64().unwrap() > 0.0, "{kept}");
+}
+
+#[test]
+fn the_offset_of_orientations_is_stored() {
+    let place = Place::with_bench("", RULED);
+    let Some(page) = page(RULED, &place) else { return };
+    let plan = json!({ "plan": { "kind": "polarization", "name": "ruled", "camera": { "exposure_ms": 5 },
+        "analyser": { "angles_deg": [0, 30, 60, 90, 120, 150] }, "reconstruct": { "method": "polarization" } } });
+    let session = begin(&page.service, &plan);
+    page.service.until(&format!("/api/v1/sessions/{session}"), |s| s["has_results"] == true);
+    page.visit("calibration/orientation");
+    page.says("#offset-from", "ruled");
+    page.browser.click("#compute");
+    page.says("main", "State the direction of the grating vector in degrees.");
+    page.set("offset-known_deg", "0");
+    page.browser.click("#compute");
+    page.says("#calibration-result", "Offset");
+    page.accessible("offset");
+    page.browser.both("calibration-offset");
+    let offset = page.keep()["values"]["orientation"].clone();
+    assert!(offset["sigma_deg"].as_f64().unwrap() < 1.0, "{offset}");
 }
 
 #[test]

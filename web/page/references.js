@@ -68,6 +68,7 @@ const REPORTS = {
     ["Black", `${significant(r.black_dn, 4)} DN`],
     ["Saturation", `${significant(r.saturation_dn, 4)} DN${r.full_well_e ? `, ${count(r.full_well_e)} e⁻` : ""}`],
     ["Dark current", r.dark_current_e_s && measured(r.dark_current_e_s.value, r.dark_current_e_s.sigma, " e⁻/s")],
+    ["Response", r.response && `corrected, ${percent(r.response.deviation, 2)} from linear before`],
     ["Linearity error", r.linearity_error === null ? null : percent(r.linearity_error, 2)],
     ["Noise model", `reduced χ² ${fixed(r.chi_square, 2)}`],
   ],

@@ -196,17 +196,22 @@ impl App {
                 Problem::bad(format!("the reconstruction {from} has no results")).remedy("wait until it is done")
             );
         }
-        let of_session = job.as_ref().is_none_or(|job| job.session.is_some());
-        if of_session && devices.is_some() {
+        // An operation on results has the session of these.
+        let session = match &job {
+            None => Some(from),
+            Some(job) => job.session.clone().or_else(|| job.spec.results.iter().find_map(|r| r.session.clone())),
+        };
+        let photographs = session.map(|id| self.session_folder(&id)).transpose()?;
+        if photographs.is_some() && devices.is_some() {
             return Err(Problem::bad("devices are those of the session").remedy("leave devices out"));
         }
         let (created, reconstruction) = job.map_or((0, None), |job| (job.created, Some(job.id)));
         blocking(move || {
             let found = Found::read(&place.results)?;
-            let mut origin = match SessionFile::read(&place.input) {
-                Ok(session) if of_session => Origin::of_session(found.kind, &place.input, &session),
-                _ => Origin { taken: created, devices: devices.unwrap_or_default(), ..Origin::default() },
-            };
+            let of_session =
+                |folder: &PathBuf| Some(Origin::of_session(found.kind, folder, &SessionFile::read(folder).ok()?));
+            let unknown = || Origin { taken: created, devices: devices.unwrap_or_default(), ..Origin::default() };
+            let mut origin = photographs.as_ref().and_then(of_session).unwrap_or_else(unknown);
             origin.name = name.unwrap_or(origin.name);
             origin.notes = notes.unwrap_or(origin.notes);
             origin.reconstruction = reconstruction;

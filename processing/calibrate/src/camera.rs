@@ -1,9 +1,10 @@
 //! The operation `camera`: photon transfer of a camera from photographs of even light and of darkness.
 
 use crate::report::{Report, Spatial};
+use crate::response::Response;
 use crate::series::{Series, largest};
 use crate::spatial::{bad, local, mean, scatter};
-use crate::transfer::{Level, level, transfer};
+use crate::transfer::{DarkLine, Level, Transfer, level, transfer};
 use nacre_base::estimate::Work;
 use nacre_base::operation::Operation;
 use nacre_base::progress::Progress;
@@ -20,6 +21,9 @@ const HALF: f64 = 0.5;
 
 /// Largest deviation from proportionality that needs no warning.
 const LINEAR: f64 = 0.01;
+
+/// Deviation from proportionality before correction that no sensor has: files with a tone curve.
+const ENCODED: f64 = 0.05;
 
 /// Variance of darkness in DN² below which the quantisation hides the read noise (EMVA 1288).
 const QUANTISED: f64 = 0.24;
@@ -103,20 +107,7 @@ impl Operation for Options {
         let begun = Instant::now();
         let [lit, dark] = self.series(input)?;
         let channel = self.channel_of(&lit)?;
-        let white = lit.white.unwrap_or_else(|| largest(lit.info.depth));
-        progress.stage("measuring noise", (lit.count() + dark.count()) as u64);
-        let levels = |series: &Series| {
-            series.groups.iter().map(|g| level(g, channel, white, progress)).collect::<Result<Vec<Level>>>()
-        };
-        let (bright, black) = (levels(&lit)?, levels(&dark)?);
-        let Some(found) = transfer(&bright, &black) else {
-            let remedy = "add shorter exposures, from 5 to 70 % of white";
-            return Err(Error::file(
-                input,
-                "has no photograph that is brighter than darkness and not saturated",
-                remedy,
-            ));
-        };
+        let Noise { found, response, bright, black } = noise(&lit, &dark, channel, progress)?;
         let swing = found.saturation_dn - found.black_dn;
         let near_half = |l: &&Level| ((l.mean_dn - found.black_dn) / swing - HALF).abs();
         // There is a level, or there would be no transfer.
@@ -125,7 +116,8 @@ impl Operation for Options {
         let flat = lit.nearest(half.exposure_s);
         progress.stage("comparing pixels", (longest.files.len() + flat.files.len()) as u64);
         let (dark_mean, flat_mean) = (mean(longest, channel, progress)?, mean(flat, channel, progress)?);
-        let signal: Vec<f32> = flat_mean.iter().zip(&dark_mean).map(|(f, d)| f - d).collect();
+        let light = |dn: f32| response.linearised(dn.into()) as f32;
+        let signal: Vec<f32> = flat_mean.iter().zip(&dark_mean).map(|(f, d)| light(*f) - light(*d)).collect();
         let width = lit.info.width;
         let (dark_local, signal_local) = (local(&dark_mean, width), local(&signal, width));
         let signal_dn = half.mean_dn - found.black_dn;
@@ -138,20 +130,20 @@ impl Operation for Options {
             prnu: scatter(&signal_local, &bad, of_signal) / signal_dn,
             bad_pixels: bad.iter().filter(|b| **b).count(),
         };
-        // Without a statement of white, it is where the series saturates.
-        let stated = lit.white.or(found.full_well_e.map(|_| found.saturation_dn));
-        let white = stated.unwrap_or(white);
+        let white = response.white_dn;
         let noise = NoiseModel {
             // A frames.json states the electrons at gain 1.
-            full_scale_e: (white - found.black_dn) / found.gain_dn_e.value * lit.gain,
+            full_scale_e: (response.linearised(white) - found.black_dn) / found.gain_dn_e.value * lit.gain,
             read_noise_e: found.read_noise_e.value,
         };
         let mut warnings: Vec<String> = lit.warnings.iter().chain(&dark.warnings).cloned().collect();
-        warnings.extend(doubts(&found, &black));
+        warnings.extend(doubts(&found, &response, &black));
+        let response = (!response.is_linear()).then_some(response);
         let report = Report {
             method: "camera",
             warnings,
             transfer: found,
+            response,
             spatial,
             noise,
             lit: bright,
@@ -166,14 +158,51 @@ impl Operation for Options {
         write_png8(&out.path("bad-pixels.png"), size[0], size[1], 1, &mask)?;
         out.write("noise.json", report.for_frames(white).as_bytes())?;
         let black = report.transfer.black_dn;
-        let camera = CameraCalibration { source: None, noise, black, white, gain: lit.gain };
+        let response = response.map(|r| r.coefficients);
+        let camera = CameraCalibration { source: None, noise, black, white, gain: lit.gain, response };
         out.write_json(CALIBRATION_FILE, &Calibration { camera: Some(camera), ..Calibration::default() })?;
         Ok(report)
     }
 }
 
+/// Noise and response of a camera, and the levels they stem from.
+struct Noise {
+    found: Transfer,
+    response: Response,
+    bright: Vec<Level>,
+    black: Vec<Level>,
+}
+
+/// Photon transfer of a series. If values are not proportional to light, they are measured again as those of a linear
+/// camera.
+fn noise(lit: &Series, dark: &Series, channel: usize, progress: &dyn Progress) -> Result<Noise> {
+    progress.stage("measuring noise", (lit.count() + dark.count()) as u64);
+    let levels = |series: &Series, response: &Response| {
+        series.groups.iter().map(|g| level(g, channel, response, progress)).collect::<Result<Vec<Level>>>()
+    };
+    let unsaturated = |found: Option<Transfer>| {
+        let problem = "has no photograph that is brighter than darkness and not saturated";
+        let remedy = "add shorter exposures, from 5 to 70 % of white";
+        found.ok_or_else(|| Error::file(&lit.folder, problem, remedy))
+    };
+    let straight = Response::linear(0.0, lit.white.unwrap_or_else(|| largest(lit.info.depth)));
+    let (mut bright, black) = (levels(lit, &straight)?, levels(dark, &straight)?);
+    let mut found = unsaturated(transfer(&bright, &black))?;
+    // Without a statement of white, it is where the series saturates.
+    let stated = lit.white.or(found.full_well_e.map(|_| found.saturation_dn));
+    let darkness = DarkLine::of(&black);
+    let ends = [darkness.offset, stated.unwrap_or(straight.white_dn)];
+    let response = Response::measure(&bright, &|l| darkness.at(l), ends);
+    if !response.is_linear() {
+        progress.stage("measuring noise of corrected values", lit.count() as u64);
+        bright = levels(lit, &response)?;
+        found = unsaturated(transfer(&bright, &black))?;
+    }
+    Ok(Noise { found, response, bright, black })
+}
+
 /// Reasons to doubt the results.
-fn doubts(found: &crate::transfer::Transfer, dark: &[Level]) -> Vec<String> {
+fn doubts(found: &Transfer, response: &Response, dark: &[Level]) -> Vec<String> {
     let mut doubts = vec![];
     if found.full_well_e.is_none() {
         doubts.push("no photograph is saturated: the full well is not measured; add longer exposures".into());
@@ -183,6 +212,9 @@ fn doubts(found: &crate::transfer::Transfer, dark: &[Level]) -> Vec<String> {
         doubts.push(format!(
             "the response deviates from proportionality by {percent:.1} % on average: give linear files (RAW, or no gamma)"
         ));
+    }
+    if response.deviation > ENCODED {
+        doubts.push("values are far from proportional to light: the files have a tone curve; give linear files".into());
     }
     if found.chi_square > BENT {
         doubts.push(format!(

@@ -17,6 +17,7 @@ mod malus;
 mod mirror;
 pub mod orientation;
 pub mod report;
+pub mod response;
 pub mod retarder;
 pub mod series;
 pub mod spatial;

@@ -1,8 +1,9 @@
 //! Report of a camera's calibration.
 
-use crate::transfer::{Level, Measured, Transfer};
+use crate::response::Response;
+use crate::transfer::{Level, Measured, Transfer as PhotonTransfer};
 use nacre_base::operation::{Summary, lines};
-use nacre_frames::NoiseModel;
+use nacre_frames::{NoiseModel, Transfer};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::json;
@@ -28,7 +29,10 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// Photon transfer.
     #[serde(flatten)]
-    pub transfer: Transfer,
+    pub transfer: PhotonTransfer,
+    /// Response of a camera that is not linear. Its photon transfer is that of corrected values: those in DN that a
+    /// linear camera of the same gain for little light would give.
+    pub response: Option<Response>,
     /// Differences between pixels.
     pub spatial: Spatial,
     /// Noise as a `frames.json` states it, at gain 1.
@@ -44,7 +48,10 @@ pub struct Report {
 impl Report {
     /// Keys of a `frames.json` for photographs of this camera.
     pub fn for_frames(&self, white: f64) -> String {
-        let keys = json!({ "noise": self.noise, "black": self.transfer.black_dn, "white": white });
+        let mut keys = json!({ "noise": self.noise, "black": self.transfer.black_dn, "white": white });
+        if let Some(response) = &self.response {
+            keys["transfer"] = json!(Transfer::Polynomial(response.coefficients));
+        }
         format!("{keys:#}\n")
     }
 }
@@ -62,7 +69,10 @@ impl Summary for Report {
             add("dark", with(current, "e⁻/s"));
         }
         if let Some(error) = found.linearity_error {
-            add("linear", format!("to {:.3} % on average", 100.0 * error));
+            let before = self
+                .response
+                .map_or(String::new(), |r| format!(" after correction, {:.2} % before", 100.0 * r.deviation));
+            add("linear", format!("to {:.3} % on average{before}", 100.0 * error));
         }
         let s = &self.spatial;
         add("pixels", format!("DSNU {:.2} e⁻, PRNU {:.2} %, {} bad", s.dsnu_e, 100.0 * s.prnu, s.bad_pixels));

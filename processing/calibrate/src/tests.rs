@@ -4,7 +4,7 @@ use super::camera::Options;
 use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_base::random::Stream;
-use nacre_frames::NoiseModel;
+use nacre_frames::{NoiseModel, Transfer};
 use nacre_image::write_png16_gray;
 use std::path::Path;
 
@@ -21,6 +21,8 @@ struct Sensor {
     black_dn: f64,
     dsnu_e: f64,
     prnu: f64,
+    /// Loss of response at full well.
+    loss: f64,
 }
 
 const SENSOR: Sensor = Sensor {
@@ -31,6 +33,7 @@ const SENSOR: Sensor = Sensor {
     black_dn: 240.0,
     dsnu_e: 3.0,
     prnu: 0.012,
+    loss: 0.0,
 };
 
 /// A standard normal number.
@@ -55,7 +58,8 @@ fn photographs(sensor: Sensor, folder: &Path, light_e_s: f64, exposures_s: &[f64
             let mean = light + dark;
             let electrons = (mean + mean.sqrt() * normal(random)).min(sensor.full_well_e);
             let electrons = electrons + hot + sensor.dsnu_e * of_pixel[i][1] + sensor.read_noise_e * normal(random);
-            (sensor.black_dn + sensor.gain * electrons).round().clamp(0.0, 65_535.0) as u16
+            let read = electrons * (1.0 - sensor.loss * electrons / sensor.full_well_e);
+            (sensor.black_dn + sensor.gain * read).round().clamp(0.0, 65_535.0) as u16
         };
         let codes: Vec<u16> = (0..SIDE * SIDE).map(|i| code(i, &mut random)).collect();
         let file = format!("{k:02}.png");
@@ -98,6 +102,38 @@ fn a_sensor_is_measured_within_its_standard_deviations() {
     assert_eq!(report.spatial.bad_pixels, 2);
     let noise: NoiseModel = keys(&place.path().join("out"));
     assert!((noise.full_scale_e * gain.value + found.black_dn - found.saturation_dn).abs() < 1.0, "{noise:?}");
+}
+
+/// Gain and noise are those of little light, where the loss vanishes.
+#[test]
+fn the_response_of_a_curved_sensor_is_measured_and_corrected() {
+    let place = tempfile::tempdir().unwrap();
+    let (flats, darks, out) = (place.path().join("flats"), place.path().join("darks"), place.path().join("out"));
+    let sensor = Sensor { loss: 0.12, ..SENSOR };
+    photographs(sensor, &flats, 100_000.0, &EXPOSURES_S, 5);
+    photographs(sensor, &darks, 0.0, &EXPOSURES_S, 6);
+    let options = Options { darks: Some(darks), channel: None };
+    let report = perform(&options, &flats, &out, false, &Silent).unwrap();
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    let (found, response) = (&report.transfer, report.response.unwrap());
+    assert!(response.deviation > 0.01 && found.linearity_error.unwrap() < 0.001, "{response:?} {found:?}");
+    assert!((found.gain_dn_e.value / sensor.gain - 1.0).abs() < 0.01, "{:?}", found.gain_dn_e);
+    assert!((found.read_noise_e.value / sensor.read_noise_e - 1.0).abs() < 0.03, "{:?}", found.read_noise_e);
+    assert!((found.full_well_e.unwrap() / sensor.full_well_e - 1.0).abs() < 0.015, "{:?}", found.full_well_e);
+    assert!((report.spatial.prnu / sensor.prnu - 1.0).abs() < 0.03, "{:?}", report.spatial);
+    // Light that a frames.json with these keys decodes, relative to that at full well.
+    let text = std::fs::read_to_string(out.join("noise.json")).unwrap();
+    let keys: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let transfer: Transfer = serde_json::from_value(keys["transfer"].clone()).unwrap();
+    let [black, white] = ["black", "white"].map(|key| keys[key].as_f64().unwrap());
+    let decoded = |share: f64| {
+        let dn = sensor.black_dn + sensor.gain * sensor.full_well_e * share * (1.0 - sensor.loss * share);
+        f64::from(transfer.decode(((dn - black) / (white - black)) as f32))
+    };
+    for share in [0.1, 0.3, 0.6, 0.9] {
+        let off = decoded(share) / decoded(0.5) / (2.0 * share) - 1.0;
+        assert!(off.abs() < 0.003, "{share}: {off}");
+    }
 }
 
 /// The noise of `noise.json`.

@@ -3,6 +3,7 @@
 //! Definitions follow EMVA Standard 1288, release 4.0 Linear, sections 6 and 7. The difference of two photographs of
 //! one exposure has twice the variance of the temporal noise; patterns of light and sensor cancel.
 
+use crate::response::{RANGE, Response};
 use crate::series::{Group, values};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
@@ -18,9 +19,6 @@ const ENOUGH: f64 = 0.1;
 
 /// Percentile of the values that stands for saturation, in uneven light too.
 const HIGH: f64 = 0.9;
-
-/// Range of the saturation in which the linearity is judged (EMVA 1288).
-const LINEAR: [f64; 2] = [0.05, 0.95];
 
 /// Variance of the quantisation in DN².
 pub const QUANTISATION: f64 = 1.0 / 12.0;
@@ -72,21 +70,30 @@ impl Sums {
     }
 }
 
-/// Measures a group by the differences of its photographs in pairs, of which two are in memory.
+impl Level {
+    /// True if the mean is that of all pixels, so that it grows with the light.
+    pub fn is_whole(&self) -> bool {
+        self.unsaturated >= 1.0 || self.unsaturated < ENOUGH
+    }
+}
+
+/// Measures a group by the differences of its photographs in pairs, of which two are in memory. Values are those of a
+/// linear camera.
 ///
-/// Pixels are selected by the sum of a pair, which is independent of their difference. Those above `FITTED` of `white`
+/// Pixels are selected by the sum of a pair, which is independent of their difference. Those above `FITTED` of white
 /// are left out, unless nearly all are.
 ///
 /// # Errors
 /// `Input` for files that cannot be read; `Cancelled`.
-pub fn level(group: &Group, channel: usize, white: f64, progress: &dyn Progress) -> Result<Level> {
+pub fn level(group: &Group, channel: usize, response: &Response, progress: &dyn Progress) -> Result<Level> {
+    let white = response.linearised(response.white_dn);
     let (mut all, mut low, mut pairs, mut high) = (vec![], vec![], 0, 0.0);
     for pair in group.files.chunks_exact(2) {
         let (a, b) = (values(&pair[0], channel, progress)?, values(&pair[1], channel, progress)?);
         let (mut every, mut unsaturated) = (Sums::default(), Sums::default());
-        high += f64::from(quantile(&mut a.clone(), HIGH).unwrap_or(0.0));
+        high += response.linearised(quantile(&mut a.clone(), HIGH).unwrap_or(0.0).into());
         for (a, b) in a.iter().zip(&b) {
-            let (a, b) = (f64::from(*a), f64::from(*b));
+            let [a, b] = [*a, *b].map(|v| response.linearised(v.into()));
             every.add(a, b);
             if a + b <= 2.0 * FITTED * white {
                 unsaturated.add(a, b);
@@ -150,8 +157,9 @@ pub fn transfer(lit: &[Level], dark: &[Level]) -> Option<Transfer> {
     let top = lit.iter().max_by(|a, b| a.variance_dn2.total_cmp(&b.variance_dn2))?;
     let saturates = lit.iter().any(|l| l.mean_dn > top.mean_dn && l.variance_dn2 < 0.9 * top.variance_dn2);
     let saturation_dn = lit.iter().map(|l| l.high_dn).fold(0.0, f64::max);
-    let (offset, slope, slope_sigma) = dark_line(dark);
-    let black = |l: &Level| offset + slope * l.exposure_s;
+    let darkness = DarkLine::of(dark);
+    let DarkLine { offset, slope, slope_sigma } = darkness;
+    let black = |l: &Level| darkness.at(l);
     let swing = saturation_dn - offset;
     let below = lit.iter().filter(|l| l.mean_dn - offset <= FITTED * swing && l.mean_dn > black(l));
     // Electrons of darkness scatter as those of light do, so that dark levels lie on the same line.
@@ -213,25 +221,41 @@ fn line(points: &[[f64; 3]]) -> Option<Line> {
     })
 }
 
-/// Offset and slope (DN per s) of the dark means over the exposure, and the standard deviation of the slope.
-fn dark_line(dark: &[Level]) -> (f64, f64, f64) {
-    let n = dark.len() as f64;
-    let mean = |of: &dyn Fn(&Level) -> f64| dark.iter().map(of).sum::<f64>() / n.max(1.0);
-    let (t, y) = (mean(&|l| l.exposure_s), mean(&|l| l.mean_dn));
-    let spread: f64 = dark.iter().map(|l| (l.exposure_s - t).powi(2)).sum();
-    if dark.len() < 3 || spread <= 0.0 {
-        return (y, 0.0, 0.0);
+/// The dark means over the exposure.
+#[derive(Clone, Copy)]
+pub struct DarkLine {
+    /// Value at no exposure in DN.
+    pub offset: f64,
+    /// Growth in DN per s.
+    slope: f64,
+    /// Standard deviation of the growth.
+    slope_sigma: f64,
+}
+
+impl DarkLine {
+    /// The straight line through the means; a constant for fewer than three.
+    pub fn of(dark: &[Level]) -> Self {
+        let n = dark.len() as f64;
+        let mean = |of: &dyn Fn(&Level) -> f64| dark.iter().map(of).sum::<f64>() / n.max(1.0);
+        let (t, y) = (mean(&|l| l.exposure_s), mean(&|l| l.mean_dn));
+        let spread: f64 = dark.iter().map(|l| (l.exposure_s - t).powi(2)).sum();
+        if dark.len() < 3 || spread <= 0.0 {
+            return Self { offset: y, slope: 0.0, slope_sigma: 0.0 };
+        }
+        let slope = dark.iter().map(|l| (l.exposure_s - t) * (l.mean_dn - y)).sum::<f64>() / spread;
+        let off = dark.iter().map(|l| (l.mean_dn - y - slope * (l.exposure_s - t)).powi(2)).sum::<f64>();
+        Self { offset: y - slope * t, slope, slope_sigma: (off / (n - 2.0) / spread).sqrt() }
     }
-    let slope = dark.iter().map(|l| (l.exposure_s - t) * (l.mean_dn - y)).sum::<f64>() / spread;
-    let off = dark.iter().map(|l| (l.mean_dn - y - slope * (l.exposure_s - t)).powi(2)).sum::<f64>();
-    (y - slope * t, slope, (off / (n - 2.0) / spread).sqrt())
+
+    /// Value of darkness in DN at the exposure of a level.
+    pub fn at(&self, level: &Level) -> f64 {
+        self.offset + self.slope * level.exposure_s
+    }
 }
 
 /// Mean relative deviation from the straight line through all exposures within the judged range.
 fn linearity(lit: &[Level], black: &dyn Fn(&Level) -> f64, offset: f64, swing: f64) -> Option<f64> {
-    // Where some pixels are left out, the mean is not that of the light.
-    let whole = |l: &Level| l.unsaturated >= 1.0 || l.unsaturated < ENOUGH;
-    let inside = |l: &&Level| whole(l) && (LINEAR[0]..=LINEAR[1]).contains(&((l.mean_dn - offset) / swing));
+    let inside = |l: &&Level| l.is_whole() && (RANGE[0]..=RANGE[1]).contains(&((l.mean_dn - offset) / swing));
     let used: Vec<[f64; 2]> = lit.iter().filter(inside).map(|l| [l.exposure_s, l.mean_dn - black(l)]).collect();
     if used.len() < 3 {
         return None;

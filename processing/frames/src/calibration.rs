@@ -1,6 +1,6 @@
 //! Calibrations of a bench, as `calibration.json` states them and sessions record them in `frames.json`.
 
-use super::NoiseModel;
+use super::{NoiseModel, Transfer};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -57,6 +57,9 @@ pub struct CameraCalibration {
     pub white: f64,
     /// Gain of the photographs relative to the camera's base.
     pub gain: f64,
+    /// Coefficients of the `transfer` polynomial of a camera that is not linear.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response: Option<[f64; 3]>,
 }
 
 /// Unevenness of light and lens (`nacre calibrate flat`).
@@ -171,7 +174,9 @@ impl Calibration {
         });
         let orientation =
             self.orientation.as_ref().and_then(|o| angle("calibration.orientation", &[o.offset_deg, o.sigma_deg]));
-        self.analyser.as_ref().and_then(AnalyserCalibration::problem).or(retarder).or(orientation)
+        let response = self.camera.as_ref().and_then(|c| Transfer::Polynomial(c.response?).problem());
+        let response = response.map(|(_, problem)| ("calibration.camera.response", problem));
+        self.analyser.as_ref().and_then(AnalyserCalibration::problem).or(retarder).or(orientation).or(response)
     }
 }
 

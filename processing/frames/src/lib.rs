@@ -192,12 +192,23 @@ pub enum Transfer {
     Srgb,
     /// Value = light^(1/gamma).
     Gamma(f64),
+    /// Light = v (1 + a v + b v² + c v³) / (1 + a + b + c) for a value v between black (0) and white (1): a measured
+    /// response, which must rise.
+    Polynomial([f64; 3]),
     /// Unknown: recovered from the photographs, for kind exposures.
     Recover,
 }
 
 /// Permitted exponents.
 const GAMMAS: std::ops::RangeInclusive<f64> = 0.1..=10.0;
+
+/// Light of a value between black (0) and white (1) for coefficients of [`Transfer::Polynomial`].
+fn polynomial([a, b, c]: [f64; 3], v: f64) -> f64 {
+    v * (1.0 + v * (a + v * (b + v * c))) / (1.0 + a + b + c)
+}
+
+/// Steps of Newton's method for the inverse of a polynomial.
+const ROUNDS: usize = 8;
 
 /// A channel of a colour file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -272,6 +283,11 @@ impl FrameSet {
         let calibrated = self.calibration.as_ref().and_then(|c| c.analyser.as_ref());
         calibrated.map_or(1.0, AnalyserCalibration::contrast)
     }
+
+    /// Standard deviation of a pixel of the flat field, as a share; 0 if not calibrated.
+    pub fn flat_sigma(&self) -> f64 {
+        self.calibration.as_ref().and_then(|c| c.flat.as_ref()).map_or(0.0, |flat| flat.sigma)
+    }
 }
 
 impl Frame {
@@ -307,10 +323,18 @@ impl Transfer {
             Self::Recover => {
                 Err(Error::input("--transfer", "one photograph does not tell how its values grow with light", remedy))
             }
-            Self::Gamma(g) if !GAMMAS.contains(&g) => {
-                Err(Error::input("--transfer", format!("gamma is {g}; expected 0.1 to 10"), remedy))
+            known => known.problem().map_or(Ok(()), |(_, problem)| Err(Error::input("--transfer", problem, remedy))),
+        }
+    }
+
+    /// Key and problem of an invalid number.
+    pub(crate) fn problem(self) -> Option<(&'static str, String)> {
+        match self {
+            Self::Gamma(g) if !GAMMAS.contains(&g) => Some(("transfer.gamma", format!("{g} is outside 0.1 to 10"))),
+            Self::Polynomial(c) if !(0..=100).all(|k| self.slope(f64::from(k) / 100.0) > 0.0) => {
+                Some(("transfer.polynomial", format!("{c:?} is no response that rises from 0 to 1")))
             }
-            _ => Ok(()),
+            _ => None,
         }
     }
 
@@ -322,6 +346,7 @@ impl Transfer {
             Self::Srgb if v <= 0.040_45 => v / 12.92,
             Self::Srgb => ((v + 0.055) / 1.055).powf(2.4),
             Self::Gamma(g) => v.max(0.0).powf(g as f32),
+            Self::Polynomial(c) => polynomial(c, v.into()) as f32,
         }
     }
 
@@ -332,6 +357,10 @@ impl Transfer {
             Self::Srgb if light <= 0.003_130_8 => 12.92 * light,
             Self::Srgb => 1.055 * light.powf(1.0 / 2.4) - 0.055,
             Self::Gamma(g) => light.max(0.0).powf(1.0 / g),
+            Self::Polynomial(c) => {
+                // Newton's method; the curve is nearly straight.
+                (0..ROUNDS).fold(light, |v, _| v - (polynomial(c, v) - light) / self.slope(v))
+            }
         }
     }
 
@@ -352,6 +381,7 @@ impl Transfer {
             Self::Srgb if v <= 0.040_45 => 1.0 / 12.92,
             Self::Srgb => 2.4 / 1.055 * ((v + 0.055) / 1.055).powf(1.4),
             Self::Gamma(g) => g * v.max(1e-6).powf(g - 1.0),
+            Self::Polynomial([a, b, c]) => (1.0 + v * (2.0 * a + v * (3.0 * b + v * 4.0 * c))) / (1.0 + a + b + c),
         }
     }
 }
@@ -405,7 +435,10 @@ mod tests {
         // IEC 61966-2-1: code 188 of 255 is 50.3 % light.
         assert!((Transfer::Srgb.decode(188.0 / 255.0) - 0.502_9).abs() < 1e-3);
         assert!((Transfer::Gamma(2.0).decode(0.5) - 0.25).abs() < 1e-7);
-        for t in [Transfer::Linear, Transfer::Srgb, Transfer::Gamma(2.2)] {
+        let curved = Transfer::Polynomial([0.08, 0.01, 0.03]);
+        assert!((curved.decode(1.0) - 1.0).abs() < 1e-7);
+        assert_eq!(Transfer::Polynomial([-0.9, 0.0, 0.0]).problem().unwrap().0, "transfer.polynomial");
+        for t in [Transfer::Linear, Transfer::Srgb, Transfer::Gamma(2.2), curved] {
             for light in [0.001, 0.2, 0.9] {
                 assert!((f64::from(t.decode(t.encode(light) as f32)) - light).abs() < 1e-6);
             }

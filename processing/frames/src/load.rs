@@ -1,7 +1,7 @@
 //! Reading and validation of `frames.json`, which may come from any source and is not trusted.
 
 use super::{
-    Calibration, Channel, Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, Layout, SESSION_FILE, Spot, Transfer,
+    Calibration, Channel, Distances, FILE_NAME, FrameSet, Fringes, Kind, Layout, SESSION_FILE, Spot, Transfer,
 };
 use super::{linear::is_relative, stated::Stated};
 use nacre_base::text::{from_json, read_text};
@@ -140,10 +140,8 @@ fn check_values(path: &Path, set: &FrameSet, by: By) -> Result<()> {
     if set.frames.is_empty() {
         return bad("frames", "holds no frame".into(), "list at least one photograph");
     }
-    if let Transfer::Gamma(g) = set.transfer
-        && !GAMMAS.contains(&g)
-    {
-        return bad("transfer.gamma", format!("{g} is outside 0.1 to 10"), "give the exponent, 2.2 for instance");
+    if let Some((key, problem)) = set.transfer.problem() {
+        return bad(key, problem, "correct it, such as {\"gamma\": 2.2}");
     }
     if set.transfer == Transfer::Recover && set.kind != Kind::Exposures {
         let remedy =

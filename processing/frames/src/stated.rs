@@ -29,13 +29,17 @@ impl Transfer {
             Self::Linear => "linear".into(),
             Self::Srgb => "srgb".into(),
             Self::Gamma(gamma) => format!("gamma={gamma}"),
+            Self::Polynomial([a, b, c]) => format!("polynomial={a},{b},{c}"),
             Self::Recover => "recover".into(),
         }
     }
 
     fn agrees(self, curve: Curve) -> bool {
         match (self, curve) {
-            (Self::Recover, _) | (Self::Linear, Curve::Linear) | (Self::Srgb, Curve::Srgb) => true,
+            // A measured response corrects a file that means to be linear.
+            (Self::Recover, _) | (Self::Linear | Self::Polynomial(_), Curve::Linear) | (Self::Srgb, Curve::Srgb) => {
+                true
+            }
             (Self::Gamma(a), Curve::Gamma(b)) => (a / b - 1.0).abs() < SAME_EXPONENT,
             (Self::Gamma(a), Curve::Linear) => (a - 1.0).abs() < SAME_EXPONENT,
             _ => false,

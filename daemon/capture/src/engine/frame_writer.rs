@@ -6,7 +6,7 @@ use crate::plan::{Added, CalibrationKind, Plan, PlanKind, Role, Step};
 use crate::session::{self, Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
 use nacre_base::Error;
 use nacre_drivers::CameraInfo;
-use nacre_frames::{Distances, FrameSet, Fringes, Kind, Spot};
+use nacre_frames::{Distances, FrameSet, Fringes, Kind, Spot, Transfer};
 use nacre_image::{Averaging, encode_png16_gray};
 use nacre_polarimetry::NoiseModel;
 use std::path::PathBuf;
@@ -209,6 +209,7 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<nac
     let [black, white] = levels.map_or([camera.black, camera.white].map(f64::from), |c| [c.black, c.white]);
     FrameSet {
         illumination: plan.light(),
+        transfer: levels.and_then(|c| c.response).map_or(Transfer::Linear, Transfer::Polynomial),
         black: Some(black * factor),
         white: Some(white * factor),
         noise: noise.map(|e| NoiseModel { full_scale_e: e.full_scale_e * n, read_noise_e: e.read_noise_e * n.sqrt() }),

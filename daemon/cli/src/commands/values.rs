@@ -33,12 +33,14 @@ pub(in crate::commands) fn numbers<T: std::str::FromStr, const N: usize>(
 
 /// Parses a transfer function.
 pub(super) fn transfer(text: &str) -> Result<Transfer, String> {
-    match (text, text.strip_prefix("gamma=").map(str::parse)) {
-        ("linear", _) => Ok(Transfer::Linear),
-        ("srgb", _) => Ok(Transfer::Srgb),
-        ("recover", _) => Ok(Transfer::Recover),
-        (_, Some(Ok(g))) => Ok(Transfer::Gamma(g)),
-        _ => Err("give linear, srgb, gamma=NUMBER or recover".into()),
+    let wanted = || "give linear, srgb, gamma=NUMBER, polynomial=A,B,C or recover".to_owned();
+    match text.split_once('=') {
+        None if text == "linear" => Ok(Transfer::Linear),
+        None if text == "srgb" => Ok(Transfer::Srgb),
+        None if text == "recover" => Ok(Transfer::Recover),
+        Some(("gamma", g)) => g.parse().map(Transfer::Gamma).map_err(|_| wanted()),
+        Some(("polynomial", c)) => numbers(c, "three numbers").map(Transfer::Polynomial).map_err(|_| wanted()),
+        _ => Err(wanted()),
     }
 }
 

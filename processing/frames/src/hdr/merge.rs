@@ -93,17 +93,20 @@ impl Sums {
         });
     }
 
-    /// Flat-field correction: divides by this light relative to its mean. Returns false if the flat is black.
-    pub(super) fn divide(&mut self, flat: &[f32]) -> bool {
+    /// Flat-field correction: divides by this light relative to its mean, which has a standard deviation of `sigma` as
+    /// a share. Returns false if the flat is black.
+    pub(super) fn divide(&mut self, flat: &[f32], sigma: f32) -> bool {
         let mean = flat.iter().map(|v| f64::from(*v)).sum::<f64>() / flat.len().max(1) as f64;
         if mean <= 0.0 {
             return false;
         }
         self.sums.par_iter_mut().zip(flat).for_each(|([light, weight], flat)| {
             let factor = flat / mean as f32;
-            let known = factor > 0.0;
-            *light = if known { *light * factor } else { 0.0 };
-            *weight = if known { *weight * factor * factor } else { 0.0 };
+            let known = factor > 0.0 && *weight > 0.0;
+            let value = *light / *weight / factor;
+            let variance = 1.0 / (*weight * factor * factor) + (sigma * value).powi(2);
+            *weight = if known { 1.0 / variance } else { 0.0 };
+            *light = if known { value * *weight } else { 0.0 };
         });
         true
     }

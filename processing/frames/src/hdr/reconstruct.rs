@@ -231,6 +231,7 @@ fn name_of(transfer: Transfer) -> String {
         Transfer::Linear => "linear".into(),
         Transfer::Srgb => "sRGB".into(),
         Transfer::Gamma(g) => format!("gamma {g}"),
+        Transfer::Polynomial(_) => "polynomial".into(),
         Transfer::Recover => "recovered".into(),
     }
 }
@@ -316,7 +317,7 @@ fn merge(bracket: &Bracket, mut looked: Looked, progress: &dyn Progress) -> Resu
     }
     if let Some(flat) = &bracket.frames.set.flat {
         let light = bracket.plane(coding, flat)?;
-        if !sums.divide(&light) {
+        if !sums.divide(&light, bracket.frames.set.flat_sigma() as f32) {
             let path = bracket.frames.file(flat);
             return Err(Error::file(&path, "is black", "give a photograph of an evenly lit white surface"));
         }

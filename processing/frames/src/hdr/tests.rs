@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::NoiseModel;
-use crate::{Frame, FrameSet, Kind, Transfer, save};
+use crate::{Calibration, FlatCalibration, Frame, FrameSet, Kind, Transfer, save};
 use nacre_base::progress::Silent;
 use nacre_image::registration::Align;
-use nacre_image::{read_exr, write_png8, write_png16_gray};
+use nacre_image::{read_exr, write_exr, write_png8, write_png16_gray};
 use std::path::Path;
 
 /// Light of a scene of `width` × `height` pixels, 0 to `top`, log-uniform, in blocks with edges.
@@ -209,6 +209,16 @@ fn a_wrong_time_and_a_wrong_response_are_noticed() {
 
 #[test]
 fn shot_noise_is_weighted_without_bias() {
+    merged_noise(None);
+}
+
+#[test]
+fn the_noise_of_a_flat_field_is_in_the_variance() {
+    merged_noise(Some(0.03));
+}
+
+/// Checks means and variances of merged exposures; `flat` is the standard deviation of a flat field.
+fn merged_noise(flat: Option<f64>) {
     use rand_free::Normal;
     let dir = tempfile::tempdir().unwrap();
     let (width, height, full) = (256, 256, 2000.0_f64);
@@ -228,7 +238,16 @@ fn shot_noise_is_weighted_without_bias() {
     let frames = times.iter().enumerate();
     let frames = frames.map(|(k, t)| Frame { exposure_s: Some(*t), ..Frame::new(format!("{k}.png")) }).collect();
     let noise = Some(NoiseModel { full_scale_e: full, read_noise_e: 3.0 });
-    let set = FrameSet { black: Some(500.0), white: Some(60_500.0), noise, ..FrameSet::new(Kind::Exposures, frames) };
+    let mut set =
+        FrameSet { black: Some(500.0), white: Some(60_500.0), noise, ..FrameSet::new(Kind::Exposures, frames) };
+    if let Some(sigma) = flat {
+        let field: Vec<f32> = (0..width * height).map(|_| (1.0 + sigma * normal.next()) as f32).collect();
+        let row = |_: usize, y: usize, row: &mut [f32]| row.copy_from_slice(&field[y * width..][..width]);
+        write_exr(&dir.path().join("flat.exr"), width, height, &["Y"], &[], &row).unwrap();
+        set.flat = Some("flat.exr".into());
+        let flat = FlatCalibration { source: None, file: "flat.exr".into(), sigma };
+        set.calibration = Some(Calibration { flat: Some(flat), ..Calibration::default() });
+    }
     std::fs::write(dir.path().join("frames.json"), save(&set)).unwrap();
     let out = dir.path().join("out");
     let options = Options { align: Align::Off, ..Options::default() };

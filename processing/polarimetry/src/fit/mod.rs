@@ -9,6 +9,7 @@ pub(crate) mod accumulator;
 pub(crate) mod bracket;
 pub(crate) mod demosaic;
 pub(crate) mod design;
+pub(crate) mod flat;
 mod kernel;
 pub(crate) mod merge;
 pub(crate) mod noise;

@@ -1,5 +1,6 @@
 //! Maps and pictures of a result folder.
 
+use crate::fit::flat::Flat;
 use crate::fit::noise::Covariance;
 use crate::report::disk::Disk;
 use crate::report::reduced::reduced;
@@ -26,13 +27,26 @@ pub(crate) struct Writer<'a> {
     pub progress: &'a dyn Progress,
 }
 
+/// Noise of intensities.
+pub(crate) struct LightNoise<'a> {
+    pub design: &'a Design,
+    pub frames: &'a [FrameNoise],
+    pub flat: &'a Flat,
+}
+
 impl Writer<'_> {
     /// Writes the files that depend on the maps alone: `stokes.exr` and, beside orientations, `aolp.exr`.
-    pub fn light(&self, maps: &StokesMaps) -> Result<()> {
+    pub fn light(&self, maps: &StokesMaps, noise: &LightNoise) -> Result<()> {
         let (width, size) = (maps.width, [maps.width, maps.height]);
-        let units = self.attributes(width, "linear value / (exposure s * gain)");
-        self.exr("stokes.exr", size, &["S0", "S1", "S2"], &units, &|c, y, row| {
-            copy([&maps.s0, &maps.s1, &maps.s2][c], y, row);
+        let covariance = Covariance::new(noise.design, noise.frames, &maps.covariance);
+        let units = self.attributes(width, "linear value / (exposure s * gain); sigma: of S0");
+        self.exr("stokes.exr", size, &["S0", "S1", "S2", "sigma"], &units, &|c, y, row| match c {
+            0..3 => copy([&maps.s0, &maps.s1, &maps.s2][c], y, row),
+            _ => {
+                for (i, out) in (y * width..).zip(row) {
+                    *out = noise.flat.sigma_s0(maps, &covariance, i);
+                }
+            }
         })?;
         self.progress.step();
         if self.model == Model::Plain {
@@ -47,15 +61,9 @@ impl Writer<'_> {
     /// Writes `orientation.exr` (`aolp.exr` for plain polarimetry), `smoothed.exr` if requested, and the pictures.
     ///
     /// Pictures are compressed while `disk` writes and syncs the maps, which are not compressed.
-    pub fn maps(
-        &self,
-        maps: StokesMaps,
-        map: &OrientationMaps,
-        (design, noise): (&Design, &[FrameNoise]),
-        disk: &Disk,
-    ) -> Result<()> {
-        let covariance = Covariance::new(design, noise, &maps.covariance);
-        let plain = || self.aolp(&maps, map, &covariance);
+    pub fn maps(&self, maps: StokesMaps, map: &OrientationMaps, noise: &LightNoise, disk: &Disk) -> Result<()> {
+        let covariance = Covariance::new(noise.design, noise.frames, &maps.covariance);
+        let plain = || self.aolp(&maps, map, &covariance, noise.flat);
         let numbers = || if self.model == Model::Plain { plain() } else { self.orientation(&maps, map) };
         let (numbers, pictures) = disk.beside(numbers, || {
             self.scalars(&maps, map)?;
@@ -125,7 +133,7 @@ impl Writer<'_> {
     }
 
     /// `aolp.exr` of plain polarimetry.
-    fn aolp(&self, maps: &StokesMaps, map: &OrientationMaps, covariance: &Covariance) -> Result<()> {
+    fn aolp(&self, maps: &StokesMaps, map: &OrientationMaps, covariance: &Covariance, flat: &Flat) -> Result<()> {
         let units = "aolp, sigma: rad; dolp, sigma_dolp, correlation: 0 to 1; mask: 1 measured, 0 masked";
         let attributes = self.attributes(maps.width, units);
         let channels = ["aolp", "dolp", "sigma", "sigma_dolp", "mask", "correlation"];
@@ -134,7 +142,7 @@ impl Writer<'_> {
             2 => copy(&map.sigma, y, row),
             3 => {
                 for (i, out) in (y * maps.width..).zip(row) {
-                    let fitted = [&maps.s0, &maps.s1, &maps.s2].map(|plane| 0.5 * plane[i]);
+                    let fitted = flat.before(maps, i).map(|v| 0.5 * v);
                     *out = covariance.degree_sigma(i, fitted, map.sigma[i]);
                 }
             }

@@ -11,12 +11,13 @@ use crate::angles::{duplicates, layout};
 use crate::film::camera_position::CameraPosition;
 use crate::film::curve::Source;
 use crate::fit::demosaic::Demosaic;
+use crate::fit::flat::Flat;
 use crate::fit::views::View;
 use crate::orientation::polarizers::PolarizerPositions;
 use crate::report::disk::Disk;
 use crate::report::errors::{Angles, systematic};
 use crate::report::json::Pixels;
-use crate::report::output::Writer;
+use crate::report::output::{LightNoise, Writer};
 use crate::solve::{Solved, ViewDisplacement, solve_with};
 use crate::{
     Align, Alignment, Design, FrameNoise, Model, NoiseSource, ObliqueReport, Options, RepeatsReport, Report,
@@ -42,7 +43,7 @@ impl Running {
         let writer = Writer { folder, frames: &fitted.frames, options, model, progress };
         let disk = Disk::new();
         progress.stage("solving and writing maps", 5);
-        let mut solved = fitted.solve_orientations(&mut maps, &writer, &disk)?;
+        let (mut solved, flat) = fitted.solve_orientations(&mut maps, &writer, &disk)?;
         // Periods use the measured pixels, whose σ is also that of the polarization.
         let periods = period.map(|p| p.period_maps(&maps, &solved.map)).transpose()?;
         progress.check()?;
@@ -58,7 +59,7 @@ impl Running {
         }
         // The report lists these terms separately.
         solved.add_systematic(&maps, model, &fitted.view_displacement());
-        writer.maps(maps, &solved.map, (&fitted.design, &fitted.noise.0), &disk)?;
+        writer.maps(maps, &solved.map, &fitted.light(&flat), &disk)?;
         report.took(fitted.read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
         Ok(report)
     }
@@ -145,19 +146,26 @@ struct Fitted {
 
 impl Fitted {
     /// Solves the orientations of all pixels. Maps that do not depend on the model are written in parallel.
-    fn solve_orientations(&self, maps: &mut StokesMaps, writer: &Writer, disk: &Disk) -> Result<Solved> {
+    fn solve_orientations(&self, maps: &mut StokesMaps, writer: &Writer, disk: &Disk) -> Result<(Solved, Flat)> {
         let solve_options = self.solve_options(writer.options, writer.model);
         let residual = std::mem::take(&mut maps.residual);
         let has_flat = self.frames.set.flat.is_some();
-        let early = || if has_flat { Ok(()) } else { writer.light(maps) };
+        let none = Flat::default();
+        let early = || if has_flat { Ok(()) } else { writer.light(maps, &self.light(&none)) };
         let (written, solved) =
             disk.beside(early, || solve_with(maps, residual, &self.design, &self.noise.0, &solve_options));
         written?;
-        if has_flat {
-            divide_by_flat(&self.frames, &self.linearizer, maps)?;
-            writer.light(maps)?;
+        if !has_flat {
+            return Ok((solved, none));
         }
-        Ok(solved)
+        let flat = divide_by_flat(&self.frames, &self.linearizer, maps)?;
+        writer.light(maps, &self.light(&flat))?;
+        Ok((solved, flat))
+    }
+
+    /// Noise of intensities that were divided by `flat`.
+    fn light<'a>(&'a self, flat: &'a Flat) -> LightNoise<'a> {
+        LightNoise { design: &self.design, frames: &self.noise.0, flat }
     }
 
     /// Options of the solution, with the camera position and the accuracy of the angles.

@@ -5,6 +5,7 @@ use crate::angles::repeats::{calibrate, pairs};
 use crate::angles::sample::Sample;
 use crate::fit::bracket::noise_of_bracket;
 use crate::fit::demosaic::Demosaic;
+use crate::fit::flat::Flat;
 use crate::fit::merge::Merge;
 use crate::fit::views::View;
 use crate::fit::weighted::{scale_variances, variance_factor};
@@ -122,9 +123,9 @@ pub(super) fn restore_contrast(maps: &mut StokesMaps, design: Design, contrast: 
 }
 
 /// Corrects illumination and vignetting: a common factor per pixel (per super-pixel of a sensor), on which no
-/// orientation depends.
-pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {
-    let Some(flat) = &frames.set.flat else { return Ok(()) };
+/// orientation depends. The covariance of the maps remains that of the uncorrected values.
+pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<Flat> {
+    let Some(flat) = &frames.set.flat else { return Ok(Flat::default()) };
     let light = linearizer.plane(&frames.file(flat))?;
     let (step, width) = (frames.info.width / maps.width, frames.info.width);
     let block = frames.set.filters().map_or(1, |f| f.block());
@@ -133,13 +134,16 @@ pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, map
         return Err(Error::file(&frames.file(flat), "is black", "give a photograph of an evenly lit white surface"));
     }
     let area = (block * block) as f32 * mean as f32;
-    for i in 0..maps.s0.len() {
+    let mut factors = vec![0.0; maps.s0.len()];
+    for (i, kept) in factors.iter_mut().enumerate() {
         let [x, y] = [i % maps.width, i / maps.width].map(|at| at * step / block * block);
         let sum: f32 = (0..block).flat_map(|j| light[(y + j) * width + x..][..block].iter()).sum();
         let factor = if sum > 0.0 { area / sum } else { f32::NAN };
         for plane in [&mut maps.s0, &mut maps.s1, &mut maps.s2] {
             plane[i] *= factor;
         }
+        *kept = factor;
     }
-    Ok(())
+    // The noise of the pixels of a block averages out.
+    Ok(Flat { factors, sigma: frames.set.flat_sigma() as f32 / block as f32 })
 }

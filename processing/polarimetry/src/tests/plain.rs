@@ -6,8 +6,8 @@ use crate::tests::bracket::write_set;
 use crate::tests::repeats::Series;
 use crate::{Model, Oblique, Options, Report, Smoothing};
 use nacre_base::progress::Silent;
-use nacre_frames::{Frame, FrameSet, Kind};
-use nacre_image::{Samples, encode_png16_gray, read, read_exr};
+use nacre_frames::{Calibration, FlatCalibration, Frame, FrameSet, Kind, NoiseModel};
+use nacre_image::{Samples, encode_png16_gray, read, read_exr, write_exr};
 use nalgebra::{Matrix3, Vector3};
 use std::path::Path;
 
@@ -150,4 +150,65 @@ fn options_of_gratings_are_refused() {
     }
     let auto = Options { offset_deg: Some(3.0), model: Some(Model::Auto), smooth: Smoothing::NONE, ..none() };
     reconstruct(folder.path(), &folder.path().join("good"), &auto, &Silent).unwrap();
+}
+
+/// Noise of photographs and flat field is that of S0; the degree of polarization does not depend on the flat field.
+#[test]
+fn sigma_of_intensities_is_their_scatter() {
+    let (side, angles) = (96, [0.0, 45.0, 90.0, 135.0_f64]);
+    let camera = NoiseModel { full_scale_e: 20_000.0, read_noise_e: 5.0 };
+    for (flat_sigma, corner) in [(None, 1.0), (Some(0.0), 0.4), (Some(0.01), 0.4)] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        // Light falls off to the right.
+        let shading = |i: usize| 1.0 + (corner - 1.0) * (i % side) as f64 / (side - 1) as f64;
+        for (k, angle) in angles.iter().enumerate() {
+            let code = |i: usize| {
+                let light = 0.4 * shading(i) * (1.0 + 0.3 * (2.0 * (angle - 20.0).to_radians()).cos());
+                let electrons = light * camera.full_scale_e;
+                let seen = electrons + (electrons + 25.0).sqrt() * normal(k as u64, i as u64);
+                (BLACK + seen / camera.full_scale_e * (WHITE - BLACK)).round() as u16
+            };
+            let codes: Vec<u16> = (0..side * side).map(code).collect();
+            std::fs::write(path(&format!("{k}.png")), encode_png16_gray(side, side, &codes).unwrap()).unwrap();
+        }
+        let frame = |(k, angle): (usize, &f64)| Frame { analyser_deg: Some(*angle), ..Frame::new(format!("{k}.png")) };
+        let mut set = FrameSet {
+            black: Some(BLACK),
+            white: Some(WHITE),
+            noise: Some(camera),
+            ..FrameSet::new(Kind::Polarization, angles.iter().enumerate().map(frame).collect())
+        };
+        if let Some(sigma) = flat_sigma {
+            let field = |_: usize, y: usize, row: &mut [f32]| {
+                for (x, out) in row.iter_mut().enumerate() {
+                    let i = y * side + x;
+                    *out = (shading(i) * (1.0 + sigma * normal(9, i as u64))) as f32;
+                }
+            };
+            write_exr(&path("flat.exr"), side, side, &["Y"], &[], &field).unwrap();
+            let flat = FlatCalibration { source: None, file: "flat.exr".into(), sigma };
+            set.calibration = Some(Calibration { flat: Some(flat), ..Calibration::default() });
+            set.flat = Some("flat.exr".into());
+        }
+        write_set(folder.path(), &set);
+        reconstruct(folder.path(), &path("out"), &Options::default(), &Silent).unwrap();
+        let (stokes, aolp) = (read_exr(&path("out/stokes.exr")).unwrap(), read_exr(&path("out/aolp.exr")).unwrap());
+        for (name, values, sigmas) in [
+            ("S0", &stokes.channels["S0"], &stokes.channels["sigma"]),
+            ("DoLP", &aolp.channels["dolp"], &aolp.channels["sigma_dolp"]),
+        ] {
+            // Columns of much and of little light.
+            for columns in [0..24, 72..96] {
+                let of = |i: &usize| columns.contains(&(i % side));
+                let all: Vec<usize> = (0..side * side).filter(of).collect();
+                let mean = |of: &dyn Fn(usize) -> f64| all.iter().map(|i| of(*i)).sum::<f64>() / all.len() as f64;
+                let center = mean(&|i| values[i].into());
+                let scatter = mean(&|i| (f64::from(values[i]) - center).powi(2));
+                let stated = mean(&|i| f64::from(sigmas[i]).powi(2));
+                // 2,304 pixels tell a variance to 3 %.
+                assert!((stated / scatter - 1.0).abs() < 0.1, "{flat_sigma:?} {name} {columns:?}: {stated} {scatter}");
+            }
+        }
+    }
 }

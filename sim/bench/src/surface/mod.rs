@@ -111,7 +111,7 @@ impl Sample {
             SampleKind::Stochastic => Box::new(patterns::Stochastic { square: config.cell_mm(), seed }),
             SampleKind::Ruled => Box::new(patterns::Uniform(Ideal::Grating(0.0, 1.0))),
             SampleKind::Mirror => Box::new(patterns::Uniform(Ideal::Bare { polarized: false })),
-            SampleKind::Polarizer => Box::new(patterns::Uniform(Ideal::Bare { polarized: true })),
+            SampleKind::Polarizer => Box::new(patterns::Polarizer { half }),
             SampleKind::Paper => Box::new(patterns::Uniform(Ideal::Diffuse)),
         };
         Self { pattern, defects: Defects::new(config, seed), config: config.clone() }

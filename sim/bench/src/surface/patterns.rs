@@ -13,6 +13,17 @@ impl Pattern for Uniform {
     }
 }
 
+/// A reference polarizer: a round one in a black mount, which leaves a margin of a twentieth of the sample.
+pub(super) struct Polarizer {
+    pub(super) half: f64,
+}
+
+impl Pattern for Polarizer {
+    fn at(&self, x: f64, y: f64) -> Ideal {
+        if x.hypot(y) < 0.9 * self.half { Ideal::Bare { polarized: true } } else { Ideal::Nothing }
+    }
+}
+
 /// A currency emblem: an oval medallion on paper (2018 paper, Fig. 19). It has near-horizontal bands of different
 /// orientations at the top, a crown in the middle, and fine concentric rings of longer periods.
 pub(super) struct Emblem {

@@ -4,7 +4,7 @@ use crate::shots::{levels, light, metered, several};
 use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
 use nacre_drivers::Pattern;
-use nacre_frames::{Calibration, Distances, Frame, FrameSet, Illumination, Kind, save};
+use nacre_frames::{Calibration, Distances, Frame, FrameSet, Illumination, Kind, Transfer, save};
 use nacre_image::write_png16_gray;
 use nacre_sim::{Bench, BenchConfig, Shining};
 use std::path::Path;
@@ -87,6 +87,7 @@ pub(super) fn shoot(config: &BenchConfig, shot: &Shot, calibration: &Calibration
         black: Some(known.map_or(black, |c| c.black)),
         white: Some(known.map_or(white, |c| c.white)),
         noise: known.map(|c| c.noise),
+        transfer: known.and_then(|c| c.response).map_or(Transfer::Linear, Transfer::Polynomial),
         wavelength_nm: Some(config.filter.wavelength_nm),
         band_nm: Some(config.filter.band_nm),
         geometry: Some(Distances {

@@ -10,9 +10,10 @@ use capture::{Shot, TURN, shoot};
 use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
+use nacre_calibrate::report::Report;
 use nacre_calibrate::transfer::Measured;
 use nacre_calibrate::{analyser, camera, retarder};
-use nacre_frames::{CALIBRATION_FILE, Calibration};
+use nacre_frames::{CALIBRATION_FILE, Calibration, Transfer};
 use nacre_optics::polarization::angle_difference;
 use nacre_sim::BenchConfig;
 use nacre_sim::random::{key, uniform};
@@ -56,6 +57,7 @@ pub fn bench(seed: u64) -> BenchConfig {
     camera.black_level = between(11, 40.0, 120.0) as u32;
     (camera.dark_e_s, camera.dsnu_e) = (between(12, 0.0, 30.0), between(13, 0.5, 3.0));
     (camera.prnu, camera.bad_pixels) = (between(14, 0.002, 0.015), 1e-4);
+    (camera.response_loss, bench.analyser.wedge_px) = (between(15, 0.0, 0.08), between(16, 0.0, 1.5));
     bench
 }
 
@@ -90,6 +92,7 @@ fn calibrate_camera(bench: &BenchConfig, folder: &Path, all: &mut Vec<Checked>) 
         perform(&camera::Options { darks: None, channel: None }, &input, &folder.join("camera"), false, &Silent)?;
     let white = f64::from((1u32 << bench.camera.bits) - 1);
     let gain = (white - f64::from(bench.camera.black_level)) / bench.camera.well_e;
+    all.push(Checked { name: "worst light of the response", measured: response_error(&bench, &report), truth: 0.0 });
     all.push(Checked { name: "gain (DN/e)", measured: report.transfer.gain_dn_e, truth: gain });
     all.push(Checked {
         name: "read noise (e)",
@@ -97,6 +100,21 @@ fn calibrate_camera(bench: &BenchConfig, folder: &Path, all: &mut Vec<Checked>) 
         truth: bench.camera.read_noise_e,
     });
     written(&folder.join("camera"))
+}
+
+/// Largest relative error of corrected light over the range of the camera. The bound is that of a fit that leaves 0.02 %
+/// on average.
+fn response_error(bench: &BenchConfig, report: &Report) -> Measured {
+    let loss = bench.camera.response_loss;
+    let corrected = Transfer::Polynomial(report.response.map_or([0.0; 3], |r| r.coefficients));
+    // Relative to half of the range, as a common factor is the exposure's.
+    let relative = |light: f64| {
+        let value = light * (1.0 - loss * light);
+        let [value, half] = [value, 0.5 * (1.0 - 0.5 * loss)].map(|v| f64::from(corrected.decode(v as f32)));
+        (0.5 * value / half / light - 1.0).abs()
+    };
+    let worst = (1..=18).map(|k| relative(0.05 * f64::from(k))).fold(0.0, f64::max);
+    Measured { value: worst, sigma: 0.002 }
 }
 
 fn calibrate_analyser(
@@ -132,6 +150,10 @@ fn calibrate_analyser(
         let off = (e.amplitude_deg * cos - stage.eccentricity_deg).hypot(e.amplitude_deg * sin);
         let measured = Measured { value: off, sigma: e.sigma_deg };
         all.push(Checked { name: "eccentricity error (°)", measured, truth: 0.0 });
+    }
+    if let Some(wedge) = report.wedge {
+        let measured = Measured { value: wedge.shift_px, sigma: wedge.sigma_px };
+        all.push(Checked { name: "wedge (pixels)", measured, truth: bench.analyser.wedge_px });
     }
     let found = written(&folder.join("analyser"))?;
     Ok(Calibration { analyser: found.analyser, ..before.clone() })

@@ -41,6 +41,7 @@ fn exact(bench: &BenchConfig) -> Calibration {
             black: camera.black_level.into(),
             white: f64::from((1u32 << camera.bits) - 1),
             gain: 1.0,
+            response: None,
         }),
         analyser: Some(AnalyserCalibration {
             source: None,
@@ -91,6 +92,8 @@ fn gain(effort: Effort) -> Study {
         reference: films.len() / 2,
         run: Box::new(move |setting, scene, seed| {
             let mut bench = bench(seed);
+            // Its exact calibration is that of a linear camera.
+            bench.camera.response_loss = 0.0;
             let usual = ideal(&bench).panel;
             bench.panel = usual;
             bench.panel.retardance_deg += values[scene];
