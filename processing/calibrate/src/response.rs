@@ -6,8 +6,8 @@ use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Mean deviation, as a share, that needs no correction. A response that leaves 0.1 % has a slope at little light, hence
-/// a gain, that is 1 % off.
+/// Mean deviation, as a share, that needs no correction. If 0.1 % is left, the slope at little light, hence the gain,
+/// is 1 % off.
 const LINEAR: f64 = 5e-5;
 
 /// Deviation after a further coefficient, relative to that before, that justifies the coefficient.

@@ -79,8 +79,8 @@ pub enum SampleKind {
     Ruled,
     /// Reference for calibration: a front-surface aluminium mirror.
     Mirror,
-    /// Reference for calibration: a round linear polarizer in a black mount, on a front-surface mirror, with its axis along
-    /// `turn_deg`.
+    /// Reference for calibration: a round linear polarizer in a black mount, on a front-surface mirror, with its axis
+    /// along `turn_deg`.
     Polarizer,
     /// Reference for calibration: white paper, which scatters and depolarises.
     Paper,

@@ -102,8 +102,7 @@ fn calibrate_camera(bench: &BenchConfig, folder: &Path, all: &mut Vec<Checked>) 
     written(&folder.join("camera"))
 }
 
-/// Largest relative error of corrected light over the range of the camera. The bound is that of a fit that leaves 0.02 %
-/// on average.
+/// Largest relative error of corrected light over the range of the camera.
 fn response_error(bench: &BenchConfig, report: &Report) -> Measured {
     let loss = bench.camera.response_loss;
     let corrected = Transfer::Polynomial(report.response.map_or([0.0; 3], |r| r.coefficients));
