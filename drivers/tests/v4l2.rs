@@ -2,7 +2,7 @@
 //!
 //! The tests are skipped without these cameras. Tests of a USB camera reset it, so they also need
 //! NACRE_TEST_USB_CAMERA. `tests/lab/run` boots a kernel that has both.
-#![cfg(feature = "v4l2")]
+#![cfg(all(target_os = "linux", target_pointer_width = "64"))]
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
 
 use nacre_drivers::camera::measure;
