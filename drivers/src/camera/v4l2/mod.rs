@@ -7,6 +7,7 @@ pub mod controls;
 pub mod driver;
 #[cfg(test)]
 pub(crate) mod fake;
+pub mod formats;
 #[cfg(all(target_os = "linux", target_pointer_width = "64"))]
 pub mod kernel;
 pub mod node;
@@ -14,6 +15,8 @@ mod open;
 pub mod pixels;
 mod sequence;
 pub mod settings;
+#[cfg(all(target_os = "linux", target_pointer_width = "64"))]
+mod stream;
 #[cfg(test)]
 pub(crate) mod tests;
 
