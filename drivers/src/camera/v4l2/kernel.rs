@@ -2,7 +2,7 @@
 //!
 //! The crate `v4l` panics on unknown answers, such as a new type of control. Every call that may panic is wrapped, and
 //! the panic becomes an error. Its calls for formats and streams know only the single-planar interface, so those are
-//! made here and in [`super::stream`].
+//! made here and in `stream.rs`.
 #![allow(unsafe_code, reason = "calls of the kernel")]
 
 use super::driver::{Reset, V4l2Camera, failure};
