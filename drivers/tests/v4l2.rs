@@ -2,7 +2,7 @@
 //!
 //! The tests are skipped without these cameras. Tests of a USB camera reset it, so they also need
 //! NACRE_TEST_USB_CAMERA. `tests/lab/run` boots a kernel that has both.
-#![cfg(feature = "v4l2")]
+#![cfg(all(target_os = "linux", target_pointer_width = "64"))]
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
 
 use nacre_drivers::camera::measure;
@@ -11,6 +11,7 @@ use nacre_drivers::{Camera, Class, Clock, DeviceResult, Frame, Freshness, System
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
+use v4l::video::Capture;
 
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
@@ -48,6 +49,12 @@ fn control(device: &str, name: &str, value: i64) {
     node.set_control(v4l::Control { id, value: v4l::control::Value::Integer(value) }).unwrap();
 }
 
+/// Whether pictures of the device come in planes.
+fn multi_planar(device: &str) -> bool {
+    let able = v4l::Device::with_path(device).unwrap().query_caps().unwrap().capabilities;
+    able.contains(v4l::capability::Flags::VIDEO_CAPTURE_MPLANE)
+}
+
 fn settings(device: &str, format: &str) -> Settings {
     Settings {
         format: Some(format.into()),
@@ -80,7 +87,12 @@ fn all_formats_show_the_same_picture_in_order() {
     let Some((device, _one)) = device("vivid") else { return };
     control(&device, "osd_text_mode", 2);
     let mut means = Vec::new();
-    for name in ["GREY", "Y10", "Y12", "Y16", "BA81", "GBRG", "BG10", "RG12", "BYR2", "YUYV", "UYVY"] {
+    let grey = ["GREY", "Y10", "Y12", "Y16"];
+    let bayer = ["BA81", "GBRG", "BG10", "RG12", "BYR2"];
+    let luma = ["YUYV", "UYVY", "NV12", "NV21", "NV16", "NV61", "YU12", "YV12"];
+    let in_planes: &[&str] =
+        if multi_planar(&device) { &["NM12", "NM21", "NM16", "NM61", "YM12", "YM21"] } else { &[] };
+    for name in [&grey[..], &luma, in_planes, &bayer].concat() {
         let mut camera = open(&settings(&device, name)).unwrap();
         let info = camera.describe();
         let frames: Vec<Frame> = (0..5).map(|_| next(&mut camera).unwrap()).collect();
@@ -98,9 +110,68 @@ fn all_formats_show_the_same_picture_in_order() {
         assert!(last.codes.iter().max() > last.codes.iter().min(), "{name}: a picture");
         means.push((name, level));
     }
-    for (name, level) in &means[1..4] {
-        assert!((level - means[0].1).abs() < 1.0, "{name}: {level} against {:?}", means[0]);
+    let (grey, luma) = means[..means.len() - bayer.len()].split_at(grey.len());
+    for (name, level) in &grey[1..] {
+        assert!((level - grey[0].1).abs() < 1.0, "{name}: {level} against {:?}", grey[0]);
     }
+    for (name, level) in &luma[1..] {
+        assert!((level - luma[0].1).abs() < 1.0, "{name}: {level} against {:?}", luma[0]);
+    }
+}
+
+#[test]
+fn padding_of_rows_is_left_out_and_a_changed_format_is_noticed() {
+    let Some((device, _one)) = device("vivid") else { return };
+    if multi_planar(&device) {
+        return println!("skipped: the crate v4l cannot set formats of multi-planar devices");
+    }
+    control(&device, "osd_text_mode", 2);
+    let grey = settings(&device, "GREY");
+    let codes = next(&mut open(&grey).unwrap()).unwrap().codes;
+    let other = v4l::Device::with_path(&device).unwrap();
+    let mut camera = open(&grey).unwrap();
+    let padded = v4l::Format { stride: SIZE[0] + 64, ..other.format().unwrap() };
+    assert_eq!(other.set_format(&padded).unwrap().stride, SIZE[0] + 64);
+    assert!(next(&mut camera).unwrap().codes == codes);
+    drop(camera);
+    let mut camera = open(&grey).unwrap();
+    other.set_format(&v4l::Format { fourcc: v4l::FourCC::new(b"Y16 "), ..padded }).unwrap();
+    let error = next(&mut camera).unwrap_err();
+    println!("changed format: {error}");
+    assert_eq!(error.class, Class::Lost);
+    drop(camera);
+    assert!(next(&mut open(&grey).unwrap()).unwrap().codes == codes);
+}
+
+#[test]
+fn frames_with_timestamps_of_another_clock_are_timed_by_their_arrival() {
+    let Some((device, _one)) = device("vivid") else { return };
+    // Timestamps near 2³¹ s.
+    control(&device, "wrap_timestamp", 2);
+    let mut camera = open(&settings(&device, "GREY")).unwrap();
+    let stamps: Vec<_> = (0..10).map(|_| next(&mut camera).unwrap().stamp).collect();
+    let age = SystemClock.now() - stamps[9].timestamp;
+    std::thread::sleep(Duration::from_secs(1));
+    let now = SystemClock.now();
+    let fresh = Freshness { steady_since: now, first_sequence: 0, duration: Duration::from_millis(10) };
+    let stale = (0..20).take_while(|_| !fresh.accepts(run(camera.next_frame(fresh)).unwrap().stamp)).count();
+    control(&device, "wrap_timestamp", 0);
+    println!("age {age:?}, {stale} old frames");
+    assert!(stamps.is_sorted_by(|a, b| a.sequence < b.sequence && a.timestamp < b.timestamp), "{stamps:?}");
+    assert!(age < Duration::from_secs(1) && (1..10).contains(&stale));
+}
+
+#[test]
+fn numbers_go_on_where_the_counter_of_the_kernel_overflows() {
+    let Some((device, _one)) = device("vivid") else { return };
+    // The counter starts 128 frames before its overflow.
+    control(&device, "wrap_sequence_number", 1);
+    let mut camera = open(&settings(&device, "GREY")).unwrap();
+    let numbers: Vec<u64> =
+        (0..140).map(|_| run(camera.next_frame(Freshness::NEVER)).unwrap().stamp.sequence).collect();
+    control(&device, "wrap_sequence_number", 0);
+    println!("{} numbers for 140 frames", numbers[139] - numbers[0] + 1);
+    assert!(numbers.is_sorted_by(|a, b| a < b) && numbers[139] - numbers[0] < 1000);
 }
 
 #[test]
@@ -190,6 +261,21 @@ fn a_usb_camera_obeys_exposure_and_gain() {
     println!("control lag {lag} frames, {ramp:?}");
     let frame = next(&mut camera).unwrap();
     println!("frame {:?}, now {:?}", frame.stamp, SystemClock.now());
+}
+
+#[test]
+fn a_usb_camera_may_send_jpeg_files_without_tables() {
+    let Some((device, _one)) = device("uvcvideo") else { return };
+    let name = std::fs::read_to_string(format!("/sys/class/video4linux/{}/name", &device["/dev/".len()..])).unwrap();
+    if !name.contains("Simulated camera") {
+        return println!("skipped: the camera is not the simulated one");
+    }
+    let jpeg = Settings { format: Some("MJPG".into()), size: Some([16, 8]), ..Settings::new(&device) };
+    let mut camera = open(&jpeg).unwrap();
+    for _ in 0..5 {
+        let frame = next(&mut camera).unwrap();
+        assert!(!frame.damaged && frame.codes.iter().all(|code| (118..=138).contains(code)), "{frame:?}");
+    }
 }
 
 #[test]

@@ -177,6 +177,12 @@ def jpegs():
     yield (HERE.parents[1] / "drivers/src/camera/v4l2/grey.jpg").read_bytes()
 
 
+def payloads():
+    """Frames of cameras: a JPEG file, and padded rows of Y10P after a header. Format, width, height, stride, used bytes and header come first."""
+    yield struct.pack("<BBBHII", 51, 16, 8, 0, 0, 0) + next(jpegs())
+    yield struct.pack("<BBBHII", 30, 8, 2, 16, 36, 4) + bytes(range(36))
+
+
 def pngs():
     yield golden.png(WIDTH, HEIGHT, [[x * 50 for x in range(WIDTH)]] * HEIGHT, exif=golden.exif(1, 125, 200))
     yield golden.png(WIDTH, HEIGHT, [[x * 4000 for x in range(3 * WIDTH)]] * HEIGHT, 16, True)
@@ -436,6 +442,7 @@ SEEDS = {
     "bench_requests": bench_requests,
     "bench_answers": bench_answers,
     "rest": requests,
+    "v4l2_payload": payloads,
 }
 
 # Schemas whose words a target's inputs are made of.

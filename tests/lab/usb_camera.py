@@ -1,5 +1,6 @@
-"""A USB camera for the guest's own uvcvideo: grey, 640 × 480, bulk transfers, with exposure and gain that act two frames
-late. It speaks USB/IP with the kernel's virtual host controller. With an argument, its cable is pulled after so many seconds.
+"""A USB camera for the guest's own uvcvideo: bulk transfers, grey of 640 × 480 with exposure and gain that act two frames
+late, and JPEG files of 16 × 8 without Huffman tables. It speaks USB/IP with the kernel's virtual host controller. With an
+argument, its cable is pulled after this time in seconds.
 """
 import collections
 import socket
@@ -7,6 +8,7 @@ import struct
 import sys
 import threading
 import time
+from pathlib import Path
 
 WIDTH, HEIGHT = 640, 480
 INTERVALS = (666666, 2000000)  # 100 ns
@@ -16,6 +18,19 @@ STALL = -32
 UNLINKED = -104  # ECONNRESET
 
 GREY = b"Y800" + bytes.fromhex("0000 1000 8000 00aa00389b71")
+JPEG_WIDTH, JPEG_HEIGHT = 16, 8
+HUFFMAN_TABLES, SCAN = 0xC4, 0xDA
+
+
+def jpeg():
+    """The file without its Huffman tables."""
+    file = (Path(__file__).parents[2] / "drivers/src/camera/v4l2/grey.jpg").read_bytes()
+    bare, at = file[:2], 2
+    while file[at + 1] != SCAN:
+        end = at + 2 + int.from_bytes(file[at + 2 : at + 4], "big")
+        bare += b"" if file[at + 1] == HUFFMAN_TABLES else file[at:end]
+        at = end
+    return bare + file[at:]
 
 
 def descriptor(kind, *parts):
@@ -41,14 +56,18 @@ def configuration():
     output = descriptor(0x24, 3, 3, u16(0x101), 0, 2, 0)
     total = 13 + len(terminal + unit + output)
     control = descriptor(0x24, 1, u16(0x100), u16(total), u32(48_000_000), 1, 1) + terminal + unit + output
-    size = WIDTH * HEIGHT
-    frame = descriptor(
-        0x24, 5, 1, 0, u16(WIDTH), u16(HEIGHT), u32(size * 40), u32(size * 120), u32(size),
-        u32(INTERVALS[0]), len(INTERVALS), *map(u32, INTERVALS),
-    )
-    pixels = descriptor(0x24, 4, 1, 1, GREY, 8, 1, bytes(4))
-    total = 14 + len(pixels + frame)
-    stream = descriptor(0x24, 1, 1, u16(total), 0x81, 0, 3, bytes(3), 1, 0) + pixels + frame
+
+    def frame(kind, width, height):
+        size = max(width * height, 4096)
+        return descriptor(
+            0x24, kind, 1, 0, u16(width), u16(height), u32(size * 40), u32(size * 120), u32(size),
+            u32(INTERVALS[0]), len(INTERVALS), *map(u32, INTERVALS),
+        )
+
+    pixels = descriptor(0x24, 4, 1, 1, GREY, 8, 1, bytes(4)) + frame(5, WIDTH, HEIGHT)
+    files = descriptor(0x24, 6, 2, 1, 0, 1, bytes(4)) + frame(7, JPEG_WIDTH, JPEG_HEIGHT)
+    total = 15 + len(pixels + files)
+    stream = descriptor(0x24, 1, 2, u16(total), 0x81, 0, 3, bytes(3), 1, 0, 0) + pixels + files
     body = descriptor(11, 0, 2, 14, 3, 0, 0)
     body += descriptor(4, 0, 0, 0, 14, 1, 0, 0) + control
     body += descriptor(4, 1, 0, 1, 14, 2, 0, 0) + stream + descriptor(5, 0x81, 2, u16(512), 0)
@@ -77,6 +96,7 @@ class Camera:
         # By unit and selector.
         self.controls = {(1, 2): Control(1, 1, 8, 8), (1, 4): self.exposure, (2, 4): self.gain}
         self.interval = INTERVALS[0]
+        self.format = 1  # of those in the configuration
         self.waiting = collections.deque()  # bulk transfers that the host asked for
         self.changed = threading.Condition()
         self.streaming = False
@@ -86,7 +106,7 @@ class Camera:
         self.link.sendall(struct.pack(">5I5i8x", 3, sequence, 0, 0, 0, status, length, 0, 0, 0) + data)
 
     def settings(self):
-        return struct.pack("<HBBIHHHHHII", 1, 1, 1, self.interval, 0, 0, 0, 0, 0, WIDTH * HEIGHT, TRANSFER)
+        return struct.pack("<HBBIHHHHHII", 1, self.format, 1, self.interval, 0, 0, 0, 0, 0, WIDTH * HEIGHT, TRANSFER)
 
     def standard(self, kind, request, value):
         if kind & 0x80 and request == 6:
@@ -113,6 +133,7 @@ class Camera:
 
     def negotiate(self, request, selector, data):
         if request == 1:
+            self.format = 2 if data[2] == 2 else 1
             wanted = struct.unpack_from("<I", data, 4)[0]
             self.interval = wanted if wanted in INTERVALS else INTERVALS[0]
             if selector == 2:
@@ -168,7 +189,7 @@ class Camera:
             time.sleep(self.interval / 1e7)
             levels.append(min(255, self.exposure.now * self.gain.now // 16))
             number += 1
-            self.send(bytes([levels[0]]) * (WIDTH * HEIGHT), number & 1)
+            self.send(jpeg() if self.format == 2 else bytes([levels[0]]) * (WIDTH * HEIGHT), number & 1)
 
     def send(self, frame, parity):
         sent = 0

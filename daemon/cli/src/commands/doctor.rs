@@ -4,6 +4,7 @@ use crate::console::Console;
 use nacre_base::Error;
 use nacre_base::estimate::Machine;
 use nacre_capture::Failure;
+use nacre_drivers::camera::v4l2;
 use nacre_drivers::discovery::Root;
 use nacre_drivers::doctor::{Check, Health, examine};
 use std::fmt::Write;
@@ -30,13 +31,17 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         return Err(Error::file(&args.data, "is no folder", "give the folder that sessions go into").into());
     }
     let mut checks = examine(&Root::default(), &args.data);
-    let (ok, found, remedy) = if cfg!(feature = "v4l2") {
-        (Health::Ok, "this program was built with them (V4L2)", None)
-    } else {
-        let remedy = "cargo build --release --features v4l2, with Debian's libclang1-14 or newer installed";
-        (Health::Warn, "this program was built without them (V4L2)", Some(remedy.to_owned()))
-    };
-    checks.insert(0, Check { name: "cameras".into(), ok, found: found.into(), remedy });
+    if !v4l2::SUPPORTED {
+        checks.insert(
+            0,
+            Check {
+                name: "cameras".into(),
+                ok: Health::Warn,
+                found: "V4L2 cameras are not supported on this system".into(),
+                remedy: Some("connect the camera to a computer with 64-bit Linux".into()),
+            },
+        );
+    }
     let machine = Machine::here();
     let learned = match machine.learned.len() {
         0 => String::new(),

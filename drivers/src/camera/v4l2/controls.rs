@@ -7,13 +7,15 @@ use std::time::Duration;
 
 /// Exposure control of cameras, in units of 100 µs.
 pub const EXPOSURE: u32 = 0x009a_0902;
+/// Exposure control without a defined unit, for drivers without [`EXPOSURE`].
+pub const UNITLESS_EXPOSURE: u32 = 0x0098_0911;
 /// Gain control, in camera-specific units.
 pub const GAIN: u32 = 0x0098_0913;
 /// Analogue gain control of the sensor, for drivers without [`GAIN`].
 pub const ANALOGUE_GAIN: u32 = 0x009e_0903;
 
-/// Units of [`EXPOSURE`] per second.
-const PER_SECOND: f64 = 1e4;
+/// Unit of [`EXPOSURE`] in µs.
+const EXPOSURE_UNIT_US: f64 = 100.0;
 
 /// Automatic functions to disable: control, name, and the value that disables it. Mode switches come first, since
 /// cameras refuse manual values before. Missing controls are skipped.
@@ -35,23 +37,38 @@ const OFF: [(u32, &str, i64); 14] = [
     (0x0098_0910, "gamma", 100),
 ];
 
+/// Control of the exposure.
+#[derive(Clone, Copy, Debug)]
+pub struct ExposureControl {
+    id: u32,
+    range: Range,
+    /// Duration of one step of the value in µs.
+    unit_us: f64,
+}
+
 /// Ranges of exposure and gain.
 #[derive(Clone, Copy, Debug)]
 pub struct Ranges {
-    /// Exposure range; `None` without a control.
-    pub exposure: Option<Range>,
+    /// Exposure control; `None` without one, or with one of unknown unit.
+    pub exposure: Option<ExposureControl>,
     /// Gain control and its range; `None` without a control.
     pub gain: Option<(u32, Range)>,
 }
 
 impl Ranges {
-    /// Reads the ranges.
+    /// Reads the ranges. `exposure_unit_us` is the duration of one step of the exposure control, if the user knows it.
     ///
     /// # Errors
     /// As the kernel.
-    pub fn read(node: &mut dyn Node) -> io::Result<Self> {
-        let usable = |range: Option<Range>| range.filter(|r| !r.fixed && r.high > 0 && r.high >= r.low);
-        let exposure = usable(node.range(EXPOSURE)?);
+    pub fn read(node: &mut dyn Node, exposure_unit_us: Option<f64>) -> io::Result<Self> {
+        let mut exposure = None;
+        for (id, unit) in
+            [(EXPOSURE, exposure_unit_us.or(Some(EXPOSURE_UNIT_US))), (UNITLESS_EXPOSURE, exposure_unit_us)]
+        {
+            if let (None, Some(unit_us), Some(range)) = (exposure, unit, usable(node.range(id)?)) {
+                exposure = Some(ExposureControl { id, range, unit_us });
+            }
+        }
         for id in [GAIN, ANALOGUE_GAIN] {
             if let Some(range) = usable(node.range(id)?) {
                 return Ok(Self { exposure, gain: Some((id, range)) });
@@ -75,8 +92,14 @@ impl Ranges {
 
     /// Shortest and longest exposure in s; `None` without a control.
     pub fn exposures(&self) -> Option<[f64; 2]> {
-        self.exposure.map(|r| [r.low.max(1), r.high].map(|v| v as f64 / PER_SECOND))
+        self.exposure
+            .map(|control| [control.range.low.max(1), control.range.high].map(|v| v as f64 * control.unit_us / 1e6))
     }
+}
+
+/// The range of a control that can be set.
+fn usable(range: Option<Range>) -> Option<Range> {
+    range.filter(|r| !r.fixed && r.high > 0 && r.high >= r.low)
 }
 
 /// Disables the automatic functions. Returns the names of those that remain active.
@@ -104,24 +127,36 @@ pub fn all_manual(node: &mut dyn Node) -> io::Result<Vec<String>> {
     Ok(left)
 }
 
-/// Sets the exposure, rounded to the nearest supported value; returns the one in force.
-///
-/// # Errors
-/// As the kernel.
-pub fn expose(node: &mut dyn Node, range: Range, exposure: Duration) -> io::Result<Duration> {
-    // An exposure of 0 is invalid, even if the camera's range includes it.
-    let range = Range { low: if range.low < 1 { range.low + range.step.max(1) } else { range.low }, ..range };
-    node.set(EXPOSURE, range.nearest(exposure.as_secs_f64() * PER_SECOND).max(1))?;
-    exposure_now(node)
+impl ExposureControl {
+    /// Sets the exposure, rounded to the nearest supported value; returns the one in force.
+    ///
+    /// # Errors
+    /// As the kernel.
+    pub fn set(&self, node: &mut dyn Node, exposure: Duration) -> io::Result<Duration> {
+        let Range { low, step, .. } = self.range;
+        // An exposure of 0 is invalid, even if the camera's range includes it.
+        let range = Range { low: if low < 1 { low + step.max(1) } else { low }, ..self.range };
+        node.set(self.id, range.nearest(exposure.as_secs_f64() * 1e6 / self.unit_us).max(1))?;
+        self.get(node)
+    }
+
+    /// Exposure in force.
+    ///
+    /// # Errors
+    /// As the kernel.
+    pub fn get(&self, node: &mut dyn Node) -> io::Result<Duration> {
+        let value = node.get(self.id)?.clamp(0, 1 << 32);
+        // Whole ns, so that equal values give equal times.
+        Ok(Duration::from_nanos((value as f64 * self.unit_us * 1e3).round() as u64))
+    }
 }
 
-/// Exposure in force.
+/// Whether the camera has an exposure control of unknown unit.
 ///
 /// # Errors
 /// As the kernel.
-pub fn exposure_now(node: &mut dyn Node) -> io::Result<Duration> {
-    let value = node.get(EXPOSURE)?.clamp(0, 1 << 32);
-    Ok(Duration::from_micros(value.unsigned_abs() * 100))
+pub fn has_unitless_exposure(node: &mut dyn Node) -> io::Result<bool> {
+    Ok(usable(node.range(UNITLESS_EXPOSURE)?).is_some())
 }
 
 /// Sets the gain, rounded to the nearest supported value; returns the one in force.

@@ -1,11 +1,11 @@
 //! The V4L2 camera driver, on any [`Node`].
 
 use super::controls::{self, Ranges, is_gone};
-use super::node::{Buffer, Node};
-use super::open::{INTERVAL_S, Opened};
+use super::node::{Buffer, Format, Node};
+use super::open::{INTERVAL_S, Opened, picture};
 use super::pixels::Picture;
-use super::sequence::Counter;
-use super::settings::{Settings, Timestamps};
+use super::sequence::{Counter, TimeRule};
+use super::settings::Settings;
 use crate::{Camera, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, Frame, Freshness, Stamp};
 use async_trait::async_trait;
 use rustix::io::Errno;
@@ -15,6 +15,8 @@ use std::time::Duration;
 
 /// Longest single wait in the kernel.
 const SLICE: Duration = Duration::from_millis(200);
+/// The same for frames that are timed by their arrival: the error of their time is at most two slices.
+const ARRIVAL_SLICE: Duration = Duration::from_millis(2);
 /// Maximum time for a frame, in exposures; [`SLACK`] is added.
 const PATIENCE: u32 = 3;
 const SLACK: Duration = Duration::from_secs(1);
@@ -35,15 +37,6 @@ pub struct V4l2Camera {
     exposure: Duration,
     counter: Counter,
     streaming: bool,
-}
-
-/// Result of waiting for a frame.
-enum Polled {
-    Frame(Frame),
-    /// No frame yet, or a frame that is not newer than the last.
-    Nothing,
-    /// A frame without a valid time.
-    NoTime,
 }
 
 impl V4l2Camera {
@@ -76,12 +69,33 @@ impl V4l2Camera {
 
     fn start(&mut self) -> DeviceResult<()> {
         if !self.streaming {
+            let begun = self.clock.now();
             let started = self.node.start(self.settings.buffers);
-            started.map_err(|e| failure(&self.info.id, "start its stream", "a stream", &e))?;
-            self.counter.restart(self.clock.now());
+            let format = started.map_err(|e| failure(&self.info.id, "start its stream", "a stream", &e))?;
+            self.counter.restart(begun);
             self.streaming = true;
+            self.adopt(&format)?;
         }
         Ok(())
+    }
+
+    /// Adopts the padding of rows in force. Another program may have changed the format since the camera was opened.
+    fn adopt(&mut self, format: &Format) -> DeviceResult<()> {
+        let Picture { format: wanted, width, height, .. } = self.picture;
+        let found = picture(wanted, format);
+        if format.fourcc == wanted.fourcc && [found.width, found.height] == [width, height] && found.check().is_ok() {
+            self.picture = found;
+            return Ok(());
+        }
+        self.stop();
+        let expected = format!("{} of {width} × {height}", wanted.name());
+        let fourcc = String::from_utf8_lossy(&format.fourcc);
+        let name = fourcc.trim_end();
+        let got = format!("{name} of {} × {} in rows of {} bytes", found.width, found.height, format.stride);
+        // Opening the camera again sets the format.
+        Err(DeviceError::new(&self.info.id, "start its stream", expected, got)
+            .remedy("another program changed the camera's format: close it")
+            .class(Class::Lost))
     }
 
     fn stop(&mut self) {
@@ -114,22 +128,24 @@ impl V4l2Camera {
         }
     }
 
-    fn poll(&mut self, fresh: Freshness) -> DeviceResult<Polled> {
-        let readout = Duration::from_secs_f64(self.info.readout_s);
-        let polled = match self.node.dequeue(SLICE) {
-            Ok(Some(buffer)) if !buffer.monotonic => Ok(Polled::NoTime),
+    /// The next frame; `None` if there is none yet, or one that is not newer than the last.
+    fn poll(&mut self, fresh: Freshness) -> DeviceResult<Option<Frame>> {
+        let rule = TimeRule {
+            meaning: self.settings.timestamps,
+            duration: self.exposure.saturating_add(Duration::from_secs_f64(self.info.readout_s)),
+            latency: Duration::try_from_secs_f64(self.settings.latency_ms / 1e3).unwrap_or_default(),
+        };
+        let asked = self.clock.now();
+        let polled = match self.node.dequeue(if self.counter.by_arrival() { ARRIVAL_SLICE } else { SLICE }) {
             Ok(Some(buffer)) => {
-                let after_start = self.exposure + readout;
-                let end = end_of_readout(&buffer, &self.settings, after_start, self.clock.now());
-                Ok(match self.counter.number(buffer.sequence, end) {
-                    Some(sequence) => {
-                        Polled::Frame(frame(&self.picture, &buffer, Stamp { sequence, timestamp: end }, fresh))
-                    }
-                    None => Polled::Nothing,
-                })
+                let stamp = self.counter.stamp(&buffer, &rule, self.clock.now());
+                Ok(stamp.map(|stamp| frame(&self.picture, &buffer, stamp, fresh)))
             }
-            Ok(None) => Ok(Polled::Nothing),
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => Ok(Polled::Nothing),
+            Ok(None) => {
+                self.counter.empty(asked);
+                Ok(None)
+            }
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => Ok(None),
             Err(e) => Err(e),
         };
         polled.map_err(|e| self.broken(&e))
@@ -139,7 +155,7 @@ impl V4l2Camera {
         let exposure = match self.ranges.exposure {
             // An exposure set by other means remains in force.
             _ if self.settings.exposure_ms.is_some() => self.exposure,
-            Some(range) => controls::expose(self.node.as_mut(), range, exposure)?,
+            Some(control) => control.set(self.node.as_mut(), exposure)?,
             None => self.exposure,
         };
         Ok((exposure, controls::amplify(self.node.as_mut(), &self.ranges, self.settings.gain, gain)?))
@@ -179,16 +195,8 @@ impl Camera for V4l2Camera {
         let begun = self.clock.now();
         let patience = PATIENCE * (self.exposure.max(self.interval) + self.interval) + SLACK;
         loop {
-            match self.poll(fresh)? {
-                Polled::Frame(frame) => return Ok(frame),
-                Polled::NoTime => {
-                    let got = "timestamps of another clock";
-                    let remedy = "choose another camera: with this one, old frames cannot be told from new ones";
-                    return Err(DeviceError::new(&self.info.id, "take a frame", "a time on the monotonic clock", got)
-                        .remedy(remedy)
-                        .class(Class::Setup));
-                }
-                Polled::Nothing => {}
+            if let Some(frame) = self.poll(fresh)? {
+                return Ok(frame);
             }
             let waited = self.clock.now().saturating_sub(begun);
             if waited > patience {
@@ -196,20 +204,6 @@ impl Camera for V4l2Camera {
             }
         }
     }
-}
-
-/// Latest possible end of readout. `after_start` is the time from the start of exposure to the end of readout.
-fn end_of_readout(buffer: &Buffer<'_>, settings: &Settings, after_start: Duration, now: Duration) -> Duration {
-    let starts = match settings.timestamps {
-        Timestamps::Auto => buffer.start_of_exposure,
-        Timestamps::StartOfExposure => true,
-        Timestamps::EndOfReadout => false,
-    };
-    let latency = Duration::try_from_secs_f64(settings.latency_ms / 1e3).unwrap_or_default();
-    let end =
-        if starts { buffer.timestamp.saturating_add(after_start) } else { buffer.timestamp.saturating_sub(latency) };
-    // The frame has arrived, so its readout has ended.
-    end.min(now)
 }
 
 fn frame(picture: &Picture, buffer: &Buffer<'_>, stamp: Stamp, fresh: Freshness) -> Frame {

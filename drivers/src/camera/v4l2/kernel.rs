@@ -1,35 +1,45 @@
 //! Video devices of the kernel.
 //!
-//! The crate `v4l` panics on unknown answers, such as a new colour space. Every call that may panic is wrapped, and the
-//! panic becomes an error.
+//! The crate `v4l` panics on unknown answers, such as a new type of control. Every call that may panic is wrapped, and
+//! the panic becomes an error. Its calls for formats and streams know only the single-planar interface, so those are
+//! made here and in `stream.rs`.
+#![allow(unsafe_code, reason = "calls of the kernel")]
 
 use super::driver::{Reset, V4l2Camera, failure};
 use super::node::{Buffer, Format, Node, Range};
 use super::settings::Settings;
+use super::stream::{Stream, ioctl};
 use crate::{Clock, DeviceResult, usb_reset};
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
-use v4l::buffer::{Flags, Type};
 use v4l::frameinterval::FrameIntervalEnum;
 use v4l::framesize::FrameSizeEnum;
-use v4l::io::mmap::Stream;
-use v4l::io::traits::{CaptureStream, Stream as _};
-use v4l::v4l_sys::v4l2_query_ext_ctrl;
+use v4l::v4l_sys::{
+    V4L2_CAP_DEVICE_CAPS, V4L2_CAP_VIDEO_CAPTURE, V4L2_CAP_VIDEO_CAPTURE_MPLANE, v4l2_buf_type,
+    v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE as SINGLE_PLANAR,
+    v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE as MULTI_PLANAR, v4l2_capability, v4l2_captureparm,
+    v4l2_field_V4L2_FIELD_NONE as PROGRESSIVE, v4l2_fmtdesc, v4l2_format, v4l2_fract, v4l2_pix_format,
+    v4l2_pix_format_mplane, v4l2_quantization_V4L2_QUANTIZATION_FULL_RANGE as FULL_RANGE,
+    v4l2_quantization_V4L2_QUANTIZATION_LIM_RANGE as LIMITED_RANGE, v4l2_query_ext_ctrl, v4l2_streamparm,
+};
+use v4l::v4l2::vidioc;
 use v4l::video::Capture;
-use v4l::{Device, FourCC, Fraction, control, format::Quantization};
+use v4l::{Device, FourCC, Fraction, control};
 
 /// Parameter of uvcvideo: whether timestamps come from the camera ("1") or from the arrival of a frame's first packet.
 const UVC_CLOCK: &str = "/sys/module/uvcvideo/parameters/hwtimestamps";
 /// Maximum number of sizes, formats or rates that are read.
-const MAX_LIST: usize = 4096;
+const MAX_LIST: u32 = 4096;
 
 /// A video device of the kernel.
 pub struct KernelNode {
     device: Device,
-    stream: Option<Stream<'static>>,
+    /// Interface for formats and buffers.
+    kind: v4l2_buf_type,
+    stream: Option<Stream>,
     /// Whether the flag for the start of exposure is reliable.
     starts: bool,
 }
@@ -75,8 +85,69 @@ impl KernelNode {
         // By default uvcvideo flags the start of exposure but stamps the arrival of a frame's first packet. That packet
         // arrives after the exposure, so the stamp would be late by up to a frame period.
         let from_camera = std::fs::read_to_string(UVC_CLOCK).is_ok_and(|v| matches!(v.trim(), "1" | "Y"));
-        Ok(Self { device: Device::with_path(path)?, stream: None, starts: !uvc || from_camera })
+        let device = Device::with_path(path)?;
+        let kind = interface(&device)?;
+        Ok(Self { device, kind, stream: None, starts: !uvc || from_camera })
     }
+
+    /// The format in force, or sets one.
+    fn format(&self, request: vidioc::_IOC_TYPE, wanted: Option<([u8; 4], [u32; 2])>) -> io::Result<Format> {
+        let mut format = v4l2_format { type_: self.kind, ..Default::default() };
+        let multi_planar = self.kind == MULTI_PLANAR;
+        if let Some((fourcc, [width, height])) = wanted {
+            let pixelformat = u32::from_le_bytes(fourcc);
+            if multi_planar {
+                format.fmt.pix_mp =
+                    v4l2_pix_format_mplane { width, height, pixelformat, field: PROGRESSIVE, ..Default::default() };
+            } else {
+                format.fmt.pix =
+                    v4l2_pix_format { width, height, pixelformat, field: PROGRESSIVE, ..Default::default() };
+            }
+        }
+        // SAFETY: this is the structure of both requests.
+        unsafe { ioctl(&self.device.handle(), request, &mut format)? };
+        let (fourcc, size, stride, quantization) = if multi_planar {
+            // SAFETY: with this type the kernel sets this member, and every value is valid. A packed structure may not
+            // be borrowed.
+            let pix = unsafe { format.fmt.pix_mp };
+            let stride = pix.plane_fmt[0].bytesperline;
+            (pix.pixelformat, [pix.width, pix.height], stride, u32::from(pix.quantization))
+        } else {
+            // SAFETY: as above.
+            let pix = unsafe { format.fmt.pix };
+            (pix.pixelformat, [pix.width, pix.height], pix.bytesperline, pix.quantization)
+        };
+        let full_range = match quantization {
+            FULL_RANGE => Some(true),
+            LIMITED_RANGE => Some(false),
+            _ => None,
+        };
+        Ok(Format { fourcc: fourcc.to_le_bytes(), size, stride, full_range })
+    }
+
+    /// The frame interval in force, or sets one.
+    fn frame_interval(&self, request: vidioc::_IOC_TYPE, wanted: Option<v4l2_fract>) -> io::Result<f64> {
+        let mut parameters = v4l2_streamparm { type_: self.kind, ..Default::default() };
+        if let Some(interval) = wanted {
+            parameters.parm.capture = v4l2_captureparm { timeperframe: interval, ..Default::default() };
+        }
+        // SAFETY: this is the structure of both requests, without pointers.
+        unsafe { ioctl(&self.device.handle(), request, &mut parameters)? };
+        // SAFETY: with this type the kernel sets this member, and every value is valid.
+        let v4l2_fract { numerator, denominator } = unsafe { parameters.parm.capture.timeperframe };
+        Ok(f64::from(numerator) / f64::from(denominator))
+    }
+}
+
+/// The interface for the device's pictures. Devices without pictures have none, which shows in their formats.
+fn interface(device: &Device) -> io::Result<v4l2_buf_type> {
+    let mut found = v4l2_capability::default();
+    // SAFETY: this is the structure of the request, without pointers.
+    unsafe { ioctl(&device.handle(), vidioc::VIDIOC_QUERYCAP, &mut found)? };
+    let of_node = found.capabilities & V4L2_CAP_DEVICE_CAPS != 0;
+    let able = if of_node { found.device_caps } else { found.capabilities };
+    let multi_planar = able & V4L2_CAP_VIDEO_CAPTURE_MPLANE != 0 && able & V4L2_CAP_VIDEO_CAPTURE == 0;
+    Ok(if multi_planar { MULTI_PLANAR } else { SINGLE_PLANAR })
 }
 
 /// Runs a call into the crate `v4l` and converts a panic into an error.
@@ -86,16 +157,11 @@ fn caught<T>(run: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
 }
 
 /// The crate queries all controls at once and panics on unknown control types.
-#[allow(unsafe_code, reason = "the crate has no safe way to ask for one control's range")]
 fn query(device: &Device, id: u32) -> io::Result<v4l2_query_ext_ctrl> {
-    // SAFETY: the structure is plain data for which zeros are valid, and it lives through the call. It is the one that
-    // this request reads and writes. The descriptor belongs to `device`.
-    unsafe {
-        let mut control_query = v4l2_query_ext_ctrl { id, ..std::mem::zeroed() };
-        let request = v4l::v4l2::vidioc::VIDIOC_QUERY_EXT_CTRL;
-        v4l::v4l2::ioctl(device.handle().fd(), request, (&raw mut control_query).cast())?;
-        Ok(control_query)
-    }
+    let mut control_query = v4l2_query_ext_ctrl { id, ..Default::default() };
+    // SAFETY: this is the structure of the request, without pointers.
+    unsafe { ioctl(&device.handle(), vidioc::VIDIOC_QUERY_EXT_CTRL, &mut control_query)? };
+    Ok(control_query)
 }
 
 fn seconds(fraction: &Fraction) -> f64 {
@@ -133,8 +199,18 @@ impl Node for KernelNode {
     }
 
     fn formats(&mut self) -> io::Result<Vec<[u8; 4]>> {
-        let formats = caught(|| self.device.enum_formats())?;
-        Ok(formats.into_iter().take(MAX_LIST).map(|f| f.fourcc.repr).collect())
+        let mut formats = Vec::new();
+        for index in 0..MAX_LIST {
+            let mut format = v4l2_fmtdesc { index, type_: self.kind, ..Default::default() };
+            // SAFETY: this is the structure of the request, without pointers.
+            match unsafe { ioctl(&self.device.handle(), vidioc::VIDIOC_ENUM_FMT, &mut format) } {
+                Ok(()) => formats.push(format.pixelformat.to_le_bytes()),
+                Err(e) if super::controls::is_gone(&e) => return Err(e),
+                // The list ends, or the device has none.
+                Err(_) => break,
+            }
+        }
+        Ok(formats)
     }
 
     fn sizes(&mut self, fourcc: [u8; 4]) -> io::Result<Vec<[u32; 2]>> {
@@ -143,18 +219,11 @@ impl Node for KernelNode {
             FrameSizeEnum::Discrete(d) => [d.width, d.height],
             FrameSizeEnum::Stepwise(s) => [s.max_width, s.max_height],
         };
-        Ok(sizes.into_iter().take(MAX_LIST).map(|s| largest(s.size)).collect())
+        Ok(sizes.into_iter().take(MAX_LIST as usize).map(|s| largest(s.size)).collect())
     }
 
-    fn set_format(&mut self, fourcc: [u8; 4], [width, height]: [u32; 2]) -> io::Result<Format> {
-        let wanted = v4l::Format::new(width, height, FourCC::new(&fourcc));
-        let got = caught(|| self.device.set_format(&wanted))?;
-        let full_range = match got.quantization {
-            Quantization::FullRange => Some(true),
-            Quantization::LimitedRange => Some(false),
-            Quantization::Default => None,
-        };
-        Ok(Format { fourcc: got.fourcc.repr, size: [got.width, got.height], stride: got.stride, full_range })
+    fn set_format(&mut self, fourcc: [u8; 4], size: [u32; 2]) -> io::Result<Format> {
+        self.format(vidioc::VIDIOC_S_FMT, Some((fourcc, size)))
     }
 
     fn intervals(&mut self, format: &Format) -> io::Result<Vec<f64>> {
@@ -165,92 +234,39 @@ impl Node for KernelNode {
             FrameIntervalEnum::Discrete(fraction) => Some(seconds(&fraction)),
             FrameIntervalEnum::Stepwise(_) => None,
         };
-        Ok(found.unwrap_or_default().into_iter().take(MAX_LIST).filter_map(discrete).collect())
+        Ok(found.unwrap_or_default().into_iter().take(MAX_LIST as usize).filter_map(discrete).collect())
     }
 
     fn interval(&mut self, wanted: Option<f64>) -> io::Result<Option<f64>> {
         const UNIT: u32 = 10_000_000;
-        let params = match wanted {
+        let interval = match wanted {
             Some(s) => {
-                let fraction = Fraction::new((s * f64::from(UNIT)).round().clamp(1.0, 4e9) as u32, UNIT);
-                caught(|| self.device.set_params(&v4l::video::capture::Parameters::new(fraction)))
+                let numerator = (s * f64::from(UNIT)).round().clamp(1.0, 4e9) as u32;
+                self.frame_interval(vidioc::VIDIOC_S_PARM, Some(v4l2_fract { numerator, denominator: UNIT }))
             }
-            None => caught(|| self.device.params()),
+            None => self.frame_interval(vidioc::VIDIOC_G_PARM, None),
         };
-        match params {
-            Ok(params) => Ok(Some(seconds(&params.interval))),
+        match interval {
+            Ok(interval) => Ok(Some(interval)),
             Err(e) if super::controls::is_gone(&e) => Err(e),
             // Many drivers do not report frame rates.
             Err(_) => Ok(None),
         }
     }
 
-    fn start(&mut self, buffers: u32) -> io::Result<()> {
+    fn start(&mut self, buffers: u32) -> io::Result<Format> {
         self.stop()?;
-        let mut stream = Stream::with_buffers(&self.device, Type::VideoCapture, buffers.max(2))?;
-        // `next` requeues the buffer that it returned last, initially number 0; the others are queued here.
-        for index in 1.. {
-            match CaptureStream::queue(&mut stream, index) {
-                Ok(()) => {}
-                // There are no more buffers: the driver decides their number.
-                Err(e) if e.kind() == io::ErrorKind::InvalidInput && index > 1 => break,
-                Err(e) => {
-                    release(stream);
-                    return Err(e);
-                }
-            }
-        }
-        if let Err(e) = stream.start() {
-            release(stream);
-            return Err(e);
-        }
-        self.stream = Some(stream);
-        Ok(())
+        self.stream = Some(Stream::start(self.device.handle(), self.kind, buffers.max(2), self.starts)?);
+        // Buffers fix the format.
+        self.format(vidioc::VIDIOC_G_FMT, None)
     }
 
     fn stop(&mut self) -> io::Result<()> {
-        if let Some(stream) = self.stream.take() {
-            release(stream);
-        }
+        self.stream = None;
         Ok(())
     }
 
     fn dequeue(&mut self, timeout: Duration) -> io::Result<Option<Buffer<'_>>> {
-        let starts = self.starts;
-        let Some(stream) = &mut self.stream else { return Err(io::Error::other("no stream")) };
-        let ms = i32::try_from(timeout.as_millis()).unwrap_or(i32::MAX);
-        // POLLIN. A device that is gone is ready at once, and the read below fails.
-        if caught(|| stream.handle().poll(1, ms))? == 0 {
-            return Ok(None);
-        }
-        stream.set_timeout(timeout.min(Duration::from_secs(1000)));
-        let (bytes, meta) = CaptureStream::next(stream)?;
-        let used = usize::try_from(meta.bytesused).unwrap_or(0).min(bytes.len());
-        let kind = meta.flags & Flags::TIMESTAMP_MASK;
-        let source = meta.flags & Flags::TSTAMP_SRC_MASK;
-        let micros = u32::try_from(meta.timestamp.usec).unwrap_or(0).min(999_999);
-        Ok(Some(Buffer {
-            bytes: &bytes[..used],
-            sequence: meta.sequence,
-            timestamp: Duration::new(u64::try_from(meta.timestamp.sec).unwrap_or(0), micros * 1000),
-            monotonic: kind == Flags::TIMESTAMP_MONOTONIC,
-            start_of_exposure: starts && source == Flags::TSTAMP_SRC_SOE,
-            error: meta.flags.contains(Flags::ERROR),
-        }))
-    }
-}
-
-impl Drop for KernelNode {
-    fn drop(&mut self) {
-        let _ = self.stop();
-    }
-}
-
-/// Stops a stream and frees its buffers. The crate panics if that fails, and a second panic would abort the process, so
-/// the stream is then leaked.
-fn release(mut stream: Stream<'static>) {
-    match stream.stop() {
-        Err(e) if !super::controls::is_gone(&e) => std::mem::forget(stream),
-        _ => drop(catch_unwind(AssertUnwindSafe(|| drop(stream)))),
+        self.stream.as_mut().ok_or_else(|| io::Error::other("no stream"))?.dequeue(timeout)
     }
 }

@@ -23,11 +23,12 @@ pub trait Node: Send {
     fn intervals(&mut self, format: &Format) -> io::Result<Vec<f64>>;
     /// Sets the frame interval in s if given; returns the one in force, or `None` if the device does not report it.
     fn interval(&mut self, seconds: Option<f64>) -> io::Result<Option<f64>>;
-    /// Starts the stream with this many buffers; sequence numbers restart.
-    fn start(&mut self, buffers: u32) -> io::Result<()>;
+    /// Starts the stream with this many buffers; sequence numbers restart. Returns the format in force, which other
+    /// programs could change until now.
+    fn start(&mut self, buffers: u32) -> io::Result<Format>;
     /// Stops the stream.
     fn stop(&mut self) -> io::Result<()>;
-    /// The oldest frame in the queue; `None` if none arrived within `timeout`.
+    /// The oldest frame in the queue; `None` if the queue stayed empty for `timeout`.
     fn dequeue(&mut self, timeout: Duration) -> io::Result<Option<Buffer<'_>>>;
 }
 
@@ -68,6 +69,13 @@ pub struct Format {
     pub full_range: Option<bool>,
 }
 
+/// The picture in a plane's memory. `used` counts the bytes of a header of `offset` bytes and of the picture after it.
+pub fn plane_payload(memory: &[u8], used: u32, offset: u32) -> &[u8] {
+    let [used, offset] = [used, offset].map(|bytes| usize::try_from(bytes).unwrap_or(usize::MAX));
+    let end = used.min(memory.len());
+    &memory[offset.min(end)..end]
+}
+
 /// A frame in the kernel's memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Buffer<'a> {
@@ -96,6 +104,17 @@ mod tests {
         let range = Range { low: 3, high: 2047, step: 4, fixed: false };
         assert_eq!([0.0, 4.9, 5.1, 1e9].map(|v| range.nearest(v)), [3, 3, 7, 2047]);
         assert_eq!(range.nearest(f64::NAN), range.low);
+    }
+
+    #[test]
+    fn a_plane_may_begin_with_a_header() {
+        let memory = [1, 2, 3, 4];
+        assert_eq!(plane_payload(&memory, 3, 0), [1, 2, 3]);
+        assert_eq!(plane_payload(&memory, 4, 1), [2, 3, 4]);
+        assert_eq!(
+            [(9, 2), (2, 9), (0, 0)].map(|(used, offset)| plane_payload(&memory, used, offset).len()),
+            [2, 0, 0]
+        );
     }
 
     proptest! {

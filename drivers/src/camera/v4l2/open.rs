@@ -2,8 +2,9 @@
 
 use super::controls::{self, Ranges};
 use super::driver::failure;
+use super::formats::{FORMATS, Layout, PixelFormat};
 use super::node::{Format, Node};
-use super::pixels::{FORMATS, Picture, PixelFormat};
+use super::pixels::Picture;
 use super::settings::Settings;
 use crate::camera::measure::refresh_multiples;
 use crate::{CameraInfo, Class, DeviceError, DeviceResult};
@@ -35,7 +36,7 @@ impl Opened {
         let interval_s = set_interval(node, &format, settings.fps).map_err(failed)?;
         let mut warnings = controls::all_manual(node).map_err(failed)?;
         warnings.extend(Settings::warning(picture.format));
-        let ranges = Ranges::read(node).map_err(failed)?;
+        let ranges = Ranges::read(node, settings.exposure_unit_us).map_err(failed)?;
         let (exposures_s, exposure) = exposures(node, id, settings, &ranges, interval_s)?;
         Ok(Self { picture, format, ranges, interval_s, exposure, exposures_s, warnings })
     }
@@ -100,11 +101,16 @@ fn choose_format(node: &mut dyn Node, id: &str, settings: &Settings) -> DeviceRe
         let remedy = "choose a format and size that the camera offers";
         return Err(setup(id, named(wanted.fourcc, size), named(got.fourcc, got.size)).remedy(remedy));
     }
-    let [width, height, stride] = [got.size[0], got.size[1], got.stride].map(|v| v as usize);
-    let stride = if wanted.row_bytes(width) == 0 { 0 } else { stride };
-    let picture = Picture { format: wanted, width, height, stride };
+    let picture = picture(wanted, &got);
     picture.check().map_err(|wrong| setup(id, "pictures", wrong).remedy("choose another size or format"))?;
     Ok((picture, got))
+}
+
+/// Pictures of a stream's format, not yet checked.
+pub(super) fn picture(format: PixelFormat, stream: &Format) -> Picture {
+    let [width, height, stride] = [stream.size[0], stream.size[1], stream.stride].map(|v| v as usize);
+    let stride = if format.layout == Layout::Jpeg { 0 } else { stride };
+    Picture { format, width, height, stride }
 }
 
 /// Sets the frame rate, if requested; returns the frame interval.
@@ -132,11 +138,15 @@ fn exposures(
     if let Some(ms) = settings.exposure_ms {
         return Ok(([ms / 1e3; 2], Duration::from_secs_f64(ms / 1e3)));
     }
-    let Some([low, high]) = ranges.exposures() else {
+    let (Some([low, high]), Some(control)) = (ranges.exposures(), ranges.exposure) else {
+        if controls::has_unitless_exposure(node).map_err(|e| failure(id, "read the exposure", "a value", &e))? {
+            let remedy = "give the duration of one step as `exposure_unit_us`, for a sensor its line time";
+            return Err(setup(id, "an exposure in 100 µs", "an exposure control of unknown unit").remedy(remedy));
+        }
         let remedy = "choose another camera, or set its exposure by its maker's tools and give it as `exposure_ms`";
         return Err(setup(id, "a manual exposure in 100 µs", "a camera without this control").remedy(remedy));
     };
-    let now = controls::exposure_now(node).map_err(|e| failure(id, "read the exposure", "a value", &e))?;
+    let now = control.get(node).map_err(|e| failure(id, "read the exposure", "a value", &e))?;
     // Most cameras accept exposures longer than a frame without applying them.
     Ok(([low, interval_s.map_or(high, |s| high.min(s)).max(low)], now))
 }

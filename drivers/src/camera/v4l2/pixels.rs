@@ -1,5 +1,6 @@
 //! Conversion of camera pixel formats to codes of one channel.
 
+use super::formats::{Layout, PixelFormat};
 use std::panic::catch_unwind;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -10,118 +11,6 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 pub const MAX_SIDE: usize = 32768;
 /// Maximum number of pixels of a picture.
 pub const MAX_PIXELS: usize = 150_000_000;
-
-/// Memory layout of a row of pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layout {
-    /// One byte per pixel.
-    Bytes,
-    /// Two bytes per pixel, little endian.
-    Words,
-    /// Four pixels in five bytes: four upper bytes, then two low bits of each.
-    TenPacked,
-    /// Two pixels in three bytes: two upper bytes, then four low bits of each.
-    TwelvePacked,
-    /// A byte of luma, then a byte of chroma.
-    LumaFirst,
-    /// A byte of chroma, then a byte of luma.
-    LumaSecond,
-    /// A JPEG file per frame.
-    Jpeg,
-}
-
-/// A supported pixel format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PixelFormat {
-    /// FourCC code of the format.
-    pub fourcc: [u8; 4],
-    /// Layout of a row.
-    pub layout: Layout,
-    /// Bits per code.
-    pub bits: u32,
-}
-
-const fn format(fourcc: &[u8; 4], layout: Layout, bits: u32) -> PixelFormat {
-    PixelFormat { fourcc: *fourcc, layout, bits }
-}
-
-/// All supported formats in order of preference: raw before processed, more bits before fewer.
-pub const FORMATS: [PixelFormat; 35] = [
-    format(b"BYR2", Layout::Words, 16),
-    format(b"GB16", Layout::Words, 16),
-    format(b"GR16", Layout::Words, 16),
-    format(b"RG16", Layout::Words, 16),
-    format(b"Y16 ", Layout::Words, 16),
-    format(b"Y14 ", Layout::Words, 14),
-    format(b"BG12", Layout::Words, 12),
-    format(b"GB12", Layout::Words, 12),
-    format(b"BA12", Layout::Words, 12),
-    format(b"RG12", Layout::Words, 12),
-    format(b"Y12 ", Layout::Words, 12),
-    format(b"pBCC", Layout::TwelvePacked, 12),
-    format(b"pGCC", Layout::TwelvePacked, 12),
-    format(b"pgCC", Layout::TwelvePacked, 12),
-    format(b"pRCC", Layout::TwelvePacked, 12),
-    format(b"Y12P", Layout::TwelvePacked, 12),
-    format(b"BG10", Layout::Words, 10),
-    format(b"GB10", Layout::Words, 10),
-    format(b"BA10", Layout::Words, 10),
-    format(b"RG10", Layout::Words, 10),
-    format(b"Y10 ", Layout::Words, 10),
-    format(b"pBAA", Layout::TenPacked, 10),
-    format(b"pGAA", Layout::TenPacked, 10),
-    format(b"pgAA", Layout::TenPacked, 10),
-    format(b"pRAA", Layout::TenPacked, 10),
-    format(b"Y10P", Layout::TenPacked, 10),
-    format(b"BA81", Layout::Bytes, 8),
-    format(b"GBRG", Layout::Bytes, 8),
-    format(b"GRBG", Layout::Bytes, 8),
-    format(b"RGGB", Layout::Bytes, 8),
-    format(b"GREY", Layout::Bytes, 8),
-    format(b"YUYV", Layout::LumaFirst, 8),
-    format(b"UYVY", Layout::LumaSecond, 8),
-    format(b"MJPG", Layout::Jpeg, 8),
-    format(b"JPEG", Layout::Jpeg, 8),
-];
-
-impl PixelFormat {
-    /// The format of this name, with or without trailing blanks.
-    pub fn named(name: &str) -> Option<Self> {
-        FORMATS.into_iter().find(|f| f.name() == name.trim_end())
-    }
-
-    /// The format of this FourCC code.
-    pub fn of(fourcc: [u8; 4]) -> Option<Self> {
-        FORMATS.into_iter().find(|f| f.fourcc == fourcc)
-    }
-
-    /// Name without trailing blanks.
-    pub fn name(&self) -> String {
-        String::from_utf8_lossy(&self.fourcc).trim_end().to_owned()
-    }
-
-    /// Largest code.
-    pub fn white(&self) -> u16 {
-        u16::try_from((1u32 << self.bits) - 1).unwrap_or(u16::MAX)
-    }
-
-    /// Whether codes are sensor counts, as far as the format shows: luma of a colour picture is processed.
-    pub fn raw(&self) -> bool {
-        !matches!(self.layout, Layout::LumaFirst | Layout::LumaSecond | Layout::Jpeg)
-    }
-
-    /// Bytes of a row of `width` pixels.
-    pub fn row_bytes(&self, width: usize) -> usize {
-        match self.layout {
-            Layout::Bytes => width,
-            Layout::Words => 2 * width,
-            Layout::TenPacked => (5 * width).div_ceil(4),
-            Layout::TwelvePacked => (3 * width).div_ceil(2),
-            Layout::LumaFirst | Layout::LumaSecond => 4 * width.div_ceil(2),
-            Layout::Jpeg => 0,
-        }
-    }
-}
 
 /// Format and size of a stream's pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,9 +65,11 @@ impl Picture {
         if payload.len() < needed {
             return Err(format!("{} of {needed} bytes", payload.len()));
         }
+        // The low bits of an incomplete group at a row's end are in the padding.
+        let whole = self.format.group_bytes(self.width).min(stride);
         let mut codes = Vec::with_capacity(self.width * self.height);
         for row in payload.chunks(stride).take(self.height) {
-            unpack_row(self.format.layout, &row[..row_bytes], self.width, &mut codes);
+            unpack_row(self.format.layout, &row[..whole.min(row.len())], self.width, &mut codes);
         }
         Ok(codes)
     }
@@ -223,34 +114,45 @@ const MOTION_JPEG: &[u8] = b"\xff\xe0\x00\x10AVI1\0\0\0\0\0\0\0\0\0\0";
 /// Trailing bytes tried for files without an end marker.
 const TAILS: [&[u8]; 2] = [b"\xff\xd9", b"\x3a\xc5\x96\x0f\x71\xe8\x4d\xb2\x1b\x64\xa9\x53\xff\xd9"];
 
-/// `row` has all bytes of `width` pixels.
+/// Unpacks a row that has all bytes of `width` pixels.
 fn unpack_row(layout: Layout, row: &[u8], width: usize, codes: &mut Vec<u16>) {
     let end = codes.len() + width;
     match layout {
-        Layout::Bytes => codes.extend(row.iter().map(|b| u16::from(*b))),
+        Layout::Bytes | Layout::LumaPlane => codes.extend(row.iter().map(|b| u16::from(*b))),
         Layout::Words => codes.extend(row.as_chunks::<2>().0.iter().map(|w| u16::from_le_bytes(*w))),
         Layout::LumaFirst => codes.extend(row.iter().step_by(2).map(|b| u16::from(*b))),
         Layout::LumaSecond => codes.extend(row.iter().skip(1).step_by(2).map(|b| u16::from(*b))),
         Layout::TenPacked => row.chunks(5).for_each(|group| unpack_group(group, 4, 2, codes)),
         Layout::TwelvePacked => row.chunks(3).for_each(|group| unpack_group(group, 2, 4, codes)),
+        Layout::FourteenPacked => row.chunks(7).for_each(|group| unpack_group(group, 4, 6, codes)),
+        Layout::TenBits => codes.extend((0..width).map(|pixel| ten_bits(row, pixel))),
         Layout::Jpeg => {}
     }
     codes.resize(end, 0);
 }
 
-/// Unpacks a group: the upper bytes of `pixels` codes, then one byte with `low` further bits of each, the first pixel's
-/// lowest. In a group truncated at a row's end the missing low bits are zero.
+/// Unpacks a group: the upper bytes of `pixels` codes, then `low` further bits of each, the first pixel's lowest. In a
+/// group truncated at a row's end the missing low bits are zero.
 fn unpack_group(group: &[u8], pixels: usize, low: usize, codes: &mut Vec<u16>) {
-    let rest = group.get(pixels).copied().unwrap_or(0);
+    let rest = group.iter().skip(pixels).rev().fold(0u32, |bits, byte| bits << 8 | u32::from(*byte));
     let code = |(i, high): (usize, &u8)| {
         let bits = (rest >> (i * low)) & ((1 << low) - 1);
-        (u16::from(*high) << low) | u16::from(bits)
+        (u16::from(*high) << low) | bits as u16
     };
     codes.extend(group.iter().take(pixels).enumerate().map(code));
 }
 
+/// Ten bits of a row without gaps, highest bit first.
+fn ten_bits(row: &[u8], pixel: usize) -> u16 {
+    let first = 10 * pixel / 8;
+    let bytes = [0, 1].map(|i| row.get(first + i).copied().unwrap_or(0));
+    (u16::from_be_bytes(bytes) >> (6 - 10 * pixel % 8)) & 1023
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::fake::{grey_jpeg, pack_row};
+    use super::super::formats::FORMATS;
     use super::*;
     use proptest::prelude::*;
 
@@ -258,56 +160,34 @@ mod tests {
         Picture { format: PixelFormat::named(name).unwrap(), width, height, stride }
     }
 
-    /// Packs codes as a camera would.
-    fn pack(picture: &Picture, codes: &[u16]) -> Vec<u8> {
-        let row_bytes = picture.format.row_bytes(picture.width);
-        let group = |row: &[u16], pixels: usize, low: usize| -> Vec<u8> {
-            let group = |g: &[u16]| -> Vec<u8> {
-                let rest = g.iter().enumerate().map(|(i, c)| ((c & ((1 << low) - 1)) as u8) << (i * low)).sum();
-                let high = g.iter().map(|c| (c >> low) as u8).chain(std::iter::repeat_n(0, pixels - g.len()));
-                high.chain([rest]).collect()
-            };
-            row.chunks(pixels).flat_map(group).collect()
-        };
-        let mut bytes = Vec::new();
-        for row in codes.chunks(picture.width) {
-            let mut stored: Vec<u8> = match picture.format.layout {
-                Layout::Bytes => row.iter().map(|c| *c as u8).collect(),
-                Layout::Words => row.iter().flat_map(|c| c.to_le_bytes()).collect(),
-                Layout::LumaFirst => row.iter().flat_map(|c| [*c as u8, 77]).collect(),
-                Layout::LumaSecond => row.iter().flat_map(|c| [77, *c as u8]).collect(),
-                Layout::TenPacked => group(row, 4, 2),
-                Layout::TwelvePacked => group(row, 2, 4),
-                Layout::Jpeg => panic!("not packed here"),
-            };
-            stored.resize(picture.stride.max(row_bytes), 99);
-            bytes.extend(stored);
-        }
-        bytes
-    }
-
     proptest! {
         #[test]
         fn packed_pixels_are_unpacked(
-            index in 0usize..33, width in 1usize..20, height in 1usize..6, gap in 0usize..9, seed: u64,
+            index in 0usize..51, width in 1usize..40, height in 1usize..6, gap in 0usize..9, seed: u64,
         ) {
             let format = FORMATS[index];
-            // Packed groups are complete in real pictures.
-            let width = match format.layout { Layout::TenPacked => 4 * width, Layout::TwelvePacked => 2 * width, _ => width };
-            let stride = if gap == 0 { 0 } else { format.row_bytes(width) + gap };
+            // Without padding, groups are complete in real pictures.
+            let stride = format.group_bytes(width).max(format.row_bytes(width)) + gap;
             let picture = Picture { format, width, height, stride };
             let codes: Vec<u16> = (0..width * height)
                 .map(|i| (seed.wrapping_mul(i as u64 + 1).rotate_left(17) as u16) & format.white())
                 .collect();
-            let bytes = pack(&picture, &codes);
-            prop_assert_eq!(picture.unpack(&bytes), Ok(codes));
-            let short = stride.max(format.row_bytes(width)) * (height - 1) + format.row_bytes(width) - 1;
+            let mut bytes = Vec::new();
+            for row in codes.chunks(width) {
+                bytes.extend(pack_row(format, row));
+                bytes.resize(bytes.len().div_ceil(stride) * stride, 99);
+            }
+            prop_assert_eq!(picture.unpack(&bytes), Ok(codes.clone()));
+            if stride == format.row_bytes(width) {
+                prop_assert_eq!(Picture { stride: 0, ..picture }.unpack(&bytes), Ok(codes));
+            }
+            let short = stride * (height - 1) + format.row_bytes(width) - 1;
             prop_assert!(picture.unpack(&bytes[..short]).is_err());
         }
 
         #[test]
         fn no_payload_is_too_wild(
-            index in 0usize..35, width in 0usize..70, height in 0usize..9, stride in 0usize..200, bytes: Vec<u8>,
+            index in 0usize..53, width in 0usize..70, height in 0usize..9, stride in 0usize..200, bytes: Vec<u8>,
         ) {
             let picture = Picture { format: FORMATS[index], width, height, stride };
             if let Ok(codes) = picture.unpack(&bytes) {
@@ -323,16 +203,12 @@ mod tests {
         assert_eq!(ten, Ok(vec![0x3FC, 0x001, 0x202, 0x007]));
         let twelve = picture("pBCC", 2, 1, 0).unpack(&[0xAB, 0x12, 0x3C]);
         assert_eq!(twelve, Ok(vec![0xABC, 0x123]));
-    }
-
-    #[test]
-    fn names_are_found_with_and_without_their_blanks_and_are_different() {
-        assert_eq!(PixelFormat::named("Y16"), PixelFormat::named("Y16 "));
-        assert_eq!(PixelFormat::named("XYZW"), None);
-        assert_eq!(PixelFormat::of(*b"Y10 ").map(|f| f.white()), Some(1023));
-        for (i, f) in FORMATS.iter().enumerate() {
-            assert!(FORMATS[..i].iter().all(|g| g.fourcc != f.fourcc), "{}", f.name());
-        }
+        // pBEE: the fifth byte holds bits 1-0 of the second pixel above bits 5-0 of the first, and so on.
+        let fourteen = picture("pBEE", 4, 1, 0).unpack(&[0xFF, 0, 0, 0x80, 0b0100_0001, 0b0010_0000, 0b1111_1100]);
+        assert_eq!(fourteen, Ok(vec![0x3FC1, 0x0001, 0x0002, 0x203F]));
+        // Y10B: bits in the order of the pixels, highest first.
+        let bits = picture("Y10B", 4, 1, 0).unpack(&[0xFF, 0b1100_0000, 0b0001_1000, 0b0000_0000, 0x03]);
+        assert_eq!(bits, Ok(vec![0x3FF, 0x001, 0x200, 0x003]));
     }
 
     #[test]
@@ -345,21 +221,16 @@ mod tests {
             assert!(picture("MJPG", 16, 8, 0).unpack(&file[..cut]).is_err(), "{cut}");
         }
         assert_eq!(picture("MJPG", 16, 8, 0).unpack(&file[..file.len() - 2]).as_ref(), Ok(&codes), "without its end");
-        assert_eq!(picture("MJPG", 16, 8, 0).unpack(&without_tables(file)).as_ref(), Ok(&codes));
         let padded = [file.as_slice(), &[0; 9]].concat();
         assert_eq!(picture("MJPG", 16, 8, 0).unpack(&padded), Ok(codes));
     }
-    /// A JPEG file without its Huffman tables.
-    fn without_tables(file: &[u8]) -> Vec<u8> {
-        let (mut bare, mut at) = (file[..2].to_vec(), 2);
-        while file[at + 1] != 0xda {
-            let end = at + 2 + usize::from(u16::from_be_bytes([file[at + 2], file[at + 3]]));
-            if file[at + 1] != 0xc4 {
-                bare.extend(&file[at..end]);
-            }
-            at = end;
-        }
-        bare.extend(&file[at..]);
-        bare
+
+    #[test]
+    fn huffman_tables_may_be_missing_and_quantization_tables_may_not() {
+        let [file, huffman, quantization] = [grey_jpeg(&[]), grey_jpeg(&[0xc4]), grey_jpeg(&[0xdb])];
+        assert!(huffman.len() < file.len() && quantization.len() < file.len());
+        let unpack = |file: &[u8]| picture("MJPG", 16, 8, 0).unpack(file);
+        assert_eq!(unpack(&huffman), unpack(&file));
+        assert!(unpack(&quantization).is_err());
     }
 }

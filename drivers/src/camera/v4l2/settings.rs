@@ -1,6 +1,6 @@
 //! Configuration of a V4L2 camera in a bench.
 
-use super::pixels::{FORMATS, Layout, PixelFormat};
+use super::formats::{FORMATS, Layout, PixelFormat};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +46,10 @@ pub struct Settings {
     /// Exposure in ms of a camera without exposure control.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure_ms: Option<f64>,
+    /// Duration of one step of the camera's exposure control in µs; default: 100, as V4L2 defines it. Required if the
+    /// camera has only the control `exposure`, whose unit no standard defines: sensors count lines.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure_unit_us: Option<f64>,
     /// Scale of the gain control's values.
     #[serde(default)]
     pub gain: GainScale,
@@ -74,13 +78,16 @@ pub enum GainScale {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Timestamps {
-    /// As flagged by the driver; without a flag, the end of readout.
+    /// As flagged by the driver; without a flag, the end of readout. A frame whose timestamp is zero, in the future, of
+    /// another clock or not later than the last one is treated as with `arrival`.
     #[default]
     Auto,
     /// The start of exposure.
     StartOfExposure,
     /// The end of readout.
     EndOfReadout,
+    /// Unusable. A frame's time is the last moment at which it had certainly not arrived.
+    Arrival,
 }
 
 fn control_lag_frames() -> u32 {
@@ -126,6 +133,7 @@ impl Settings {
             readout_ms: None,
             latency_ms: 0.0,
             exposure_ms: None,
+            exposure_unit_us: None,
             gain: GainScale::default(),
             timestamps: Timestamps::default(),
             buffers: buffers(),
@@ -164,6 +172,7 @@ impl Settings {
         within("readout_ms", self.readout_ms, 0.0, 60_000.0)?;
         within("latency_ms", Some(self.latency_ms), 0.0, 60_000.0)?;
         within("exposure_ms", self.exposure_ms, 1e-3, 3_600_000.0)?;
+        within("exposure_unit_us", self.exposure_unit_us, 1e-3, 1e6)?;
         within("buffers", Some(f64::from(self.buffers)), 2.0, 32.0)
     }
 
@@ -174,7 +183,7 @@ impl Settings {
             Layout::Jpeg => Some(format!(
                 "{name} is lossy: the camera has changed its codes in ways that cannot be undone; choose another format"
             )),
-            Layout::LumaFirst | Layout::LumaSecond => {
+            Layout::LumaFirst | Layout::LumaSecond | Layout::LumaPlane => {
                 Some(format!("{name} is processed: its codes are hardly linear in the light; measure its linearity"))
             }
             _ => None,

@@ -1,7 +1,8 @@
 //! Tests of the driver on a fake camera with common defects.
 
-use super::controls::{EXPOSURE, GAIN};
-use super::fake::{BLACK, ENODEV, FakeNode, Fault, LIGHT};
+use super::controls::{EXPOSURE, GAIN, UNITLESS_EXPOSURE};
+use super::fake::{BLACK, ENODEV, FakeNode, Fault, LIGHT, row_codes};
+use super::formats::PixelFormat;
 use super::{GainScale, Settings, Timestamps, V4l2Camera};
 use crate::{Camera, Class, Clock, DeviceResult, Frame, Freshness};
 use std::sync::Arc;
@@ -189,11 +190,103 @@ fn cameras_that_cannot_be_used_say_why() {
 }
 
 #[test]
-fn a_camera_without_a_monotonic_clock_is_refused() {
+fn frames_with_unusable_timestamps_are_timed_by_their_arrival() {
+    for fault in [Fault::WallClock, Fault::NoTime, Fault::Ahead, Fault::Back] {
+        let node = FakeNode::new();
+        let mut camera = open(&node);
+        let mut last = next(&mut camera).unwrap().stamp;
+        node.state().faults.extend([fault; 4]);
+        for i in 0..4 {
+            let stamp = next(&mut camera).unwrap().stamp;
+            assert!(stamp.sequence == last.sequence + 1 && stamp.timestamp > last.timestamp, "{fault:?} {i}");
+            // The first one is only known to have arrived after its predecessor.
+            let early = node.clock.now() - stamp.timestamp;
+            assert!(early > Duration::ZERO && (early <= 4 * MS || i == 0), "{fault:?} {i}: {early:?}");
+            last = stamp;
+        }
+        assert_eq!(next(&mut camera).unwrap().stamp.timestamp, node.clock.now(), "{fault:?}");
+    }
+}
+
+#[test]
+fn queued_frames_without_timestamps_are_not_taken_for_fresh() {
+    let node = FakeNode::new();
+    let mut camera = open_with(&node, Settings { timestamps: Timestamps::Arrival, ..settings() }).unwrap();
+    next(&mut camera).unwrap();
+    // The queue fills meanwhile.
+    node.clock.wait(350 * MS);
+    let fresh = Freshness { steady_since: node.clock.now(), ..ANY };
+    let accepted: Vec<bool> = (0..5).map(|_| fresh.accepts(run(camera.next_frame(fresh)).unwrap().stamp)).collect();
+    assert_eq!(accepted, [false, false, false, true, true]);
+}
+
+#[test]
+fn packed_codes_are_read_with_any_padding_of_rows() {
+    for (name, padded) in ["Y10P", "Y12P", "Y14P", "pBAA", "pBCC", "pBEE", "Y10B", "Y10", "NV12", "NM12"]
+        .into_iter()
+        .flat_map(|name| [(name, 0), (name, 3), (name, 40)])
+    {
+        let format = PixelFormat::named(name).unwrap();
+        let node = FakeNode::new();
+        node.state().formats = vec![format.fourcc];
+        node.state().format.stride = if padded == 0 { 0 } else { format.row_bytes(8) as u32 + padded };
+        let frame = next(&mut open(&node)).unwrap();
+        let expected = row_codes(format, (BLACK + LIGHT) as u16, 8).repeat(4);
+        assert_eq!((frame.codes, frame.damaged), (expected, false), "{name} with {padded} more bytes");
+    }
+}
+
+#[test]
+fn a_plane_with_a_header_is_read_after_it() {
+    let node = FakeNode::new();
+    node.state().header = 64;
+    let mut camera = open(&node);
+    let frame = next(&mut camera).unwrap();
+    assert_eq!((frame.codes, frame.damaged), (vec![(BLACK + LIGHT) as u16; 32], false));
+    node.state().faults.push_back(Fault::Truncate);
+    assert!(next(&mut camera).unwrap().damaged);
+}
+
+#[test]
+fn jpeg_files_without_huffman_tables_are_read() {
+    let node = FakeNode::new();
+    let mut camera = open_with(&node, Settings { format: Some("MJPG".into()), ..settings() }).unwrap();
+    let whole = next(&mut camera).unwrap();
+    node.state().faults.extend([Fault::Without(0xc4), Fault::Without(0xdb)]);
+    let [huffman, quantization] = [0; 2].map(|_| next(&mut camera).unwrap());
+    assert_eq!((whole.damaged, huffman.damaged, quantization.damaged), (false, false, true));
+    assert_eq!(huffman.codes, whole.codes);
+}
+
+#[test]
+fn a_format_that_another_program_changed_is_noticed() {
     let node = FakeNode::new();
     let mut camera = open(&node);
-    node.state().faults.push_back(Fault::WallClock);
-    assert_eq!(next(&mut camera).unwrap_err().class, Class::Setup);
+    node.state().format.stride = 14;
+    assert_eq!(next(&mut camera).unwrap().codes, vec![(BLACK + LIGHT) as u16; 32], "padding is adopted");
+    let mut camera = open(&node);
+    node.state().format.size = [4, 4];
+    let error = next(&mut camera).unwrap_err();
+    assert!(error.class == Class::Lost && error.got.contains("4 × 4"), "{error}");
+    next(&mut open(&node)).unwrap();
+}
+
+#[test]
+fn the_unit_of_the_exposure_is_set_for_cameras_of_another_one() {
+    let node = FakeNode::new();
+    node.state().unit_us = 12.5;
+    let unit = Settings { exposure_unit_us: Some(12.5), ..settings() };
+    let mut camera = open_with(&node, unit.clone()).unwrap();
+    assert_eq!(camera.describe().exposure_s, [3.75e-5, 0.025_587_5]);
+    assert_eq!(run(camera.configure(10 * MS, 1.0)).unwrap().exposure, 10 * MS);
+    assert_eq!(node.value(EXPOSURE), 800);
+    // A sensor's control counts lines; without their duration it is no exposure.
+    let lines = node.state().controls.remove(&EXPOSURE).unwrap();
+    node.state().controls.insert(UNITLESS_EXPOSURE, lines);
+    let error = open_with(&node, settings()).err().unwrap();
+    assert!(error.class == Class::Setup && error.to_string().contains("exposure_unit_us"), "{error}");
+    let mut camera = open_with(&node, unit).unwrap();
+    assert_eq!(run(camera.configure(5 * MS, 1.0)).unwrap().exposure, 5 * MS);
 }
 
 #[test]
