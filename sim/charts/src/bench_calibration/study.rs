@@ -30,7 +30,14 @@ pub(crate) fn studies(effort: Effort) -> Vec<Study> {
     vec![gain(effort), angles()]
 }
 
-/// Exact calibration of a bench.
+/// Random bench with a linear camera and an analyser without wedge.
+fn plain(seed: u64) -> BenchConfig {
+    let mut bench = bench(seed);
+    (bench.camera.response_loss, bench.analyser.wedge_px) = (0.0, 0.0);
+    bench
+}
+
+/// Exact calibration of such a bench.
 fn exact(bench: &BenchConfig) -> Calibration {
     let (stage, panel, camera) = (&bench.stage, &bench.panel, &bench.camera);
     let (sin, cos) = stage.eccentricity_at_deg.to_radians().sin_cos();
@@ -91,9 +98,7 @@ fn gain(effort: Effort) -> Study {
         scenes: films.iter().map(|deg| Scene::new(*deg)).collect(),
         reference: films.len() / 2,
         run: Box::new(move |setting, scene, seed| {
-            let mut bench = bench(seed);
-            // Its exact calibration is that of a linear camera.
-            bench.camera.response_loss = 0.0;
+            let mut bench = plain(seed);
             let usual = ideal(&bench).panel;
             bench.panel = usual;
             bench.panel.retardance_deg += values[scene];
@@ -148,7 +153,7 @@ fn angles() -> Study {
 }
 
 fn zero(count: usize, scatter_deg: f64, seed: u64) -> Result<Outcome> {
-    let mut bench = bench(seed);
+    let mut bench = plain(seed);
     bench.stage.repeatability_deg = scatter_deg;
     (bench.camera.width, bench.camera.height) = (64, 64);
     let folder = tempfile::tempdir().map_err(|e| Error::output(&std::env::temp_dir(), e))?;
