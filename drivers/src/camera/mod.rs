@@ -1,6 +1,7 @@
 //! Cameras.
 
 pub mod measure;
+pub mod pfnc;
 pub mod v4l2;
 
 use crate::{Camera, Clock, DeviceResult};
