@@ -1,5 +1,6 @@
 //! Cameras.
 
+pub mod genicam;
 pub mod measure;
 pub mod pfnc;
 pub mod v4l2;
@@ -25,6 +26,8 @@ pub enum CameraDriver {
     Simulated {},
     /// A V4L2 camera: USB cameras, frame grabbers, camera modules.
     V4l2(v4l2::Settings),
+    /// A GenICam camera: GigE Vision, USB3 Vision.
+    Genicam(genicam::Settings),
 }
 
 impl CameraConfig {
@@ -36,6 +39,7 @@ impl CameraConfig {
         match &self.driver {
             CameraDriver::Simulated {} => None,
             CameraDriver::V4l2(settings) => Some(v4l2::open(settings, clock)),
+            CameraDriver::Genicam(settings) => Some(genicam::open(settings, clock)),
         }
     }
 }
