@@ -7,7 +7,9 @@
 
 use nacre_drivers::camera::genicam::aravis::list;
 use nacre_drivers::camera::genicam::{self, Settings, Trigger};
+use nacre_drivers::discovery::gvcp::{self, Control};
 use nacre_drivers::{Camera, Class, Clock, DeviceResult, Frame, Freshness, SystemClock};
+use std::net::Ipv4Addr;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
@@ -199,8 +201,10 @@ fn a_camera_in_use_says_so() {
         return;
     }
     let _simulator = Simulator::start(&[]);
+    assert_eq!(gvcp::control(Ipv4Addr::LOCALHOST), Control::Free);
     let mut first = open(&settings()).unwrap();
     next(first.as_mut()).unwrap();
+    assert_eq!(gvcp::control(Ipv4Addr::LOCALHOST), Control::Taken);
     let error = open(&settings()).err().unwrap();
     println!("{error}");
     assert!(error.class == Class::Setup && error.got.contains("another program controls"), "{error}");

@@ -31,6 +31,15 @@ pub enum CameraDriver {
 }
 
 impl CameraConfig {
+    /// Setting for the number of frames until changed controls take effect; `None` for the simulated camera.
+    pub fn control_lag_frames(&mut self) -> Option<&mut u32> {
+        match &mut self.driver {
+            CameraDriver::Simulated {} => None,
+            CameraDriver::V4l2(settings) => Some(&mut settings.control_lag_frames),
+            CameraDriver::Genicam(settings) => Some(&mut settings.control_lag_frames),
+        }
+    }
+
     /// Opens a camera of this machine; `None` for the simulated camera.
     ///
     /// # Errors
