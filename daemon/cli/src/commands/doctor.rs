@@ -30,12 +30,15 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         return Err(Error::file(&args.data, "is no folder", "give the folder that sessions go into").into());
     }
     let mut checks = examine(&Root::default(), &args.data);
-    let (ok, found, remedy) = if cfg!(feature = "v4l2") {
-        (Health::Ok, "this program was built with them (V4L2)", None)
-    } else {
-        let remedy = "cargo build --release --features v4l2, with Debian's libclang1-14 or newer installed";
-        (Health::Warn, "this program was built without them (V4L2)", Some(remedy.to_owned()))
+    let libraries = "cargo build --release --features v4l2,genicam, with Debian's libclang1-14 (or newer) for V4L2 and \
+                     libaravis-dev for GenICam";
+    let (ok, found) = match (cfg!(feature = "v4l2"), cfg!(feature = "genicam")) {
+        (true, true) => (Health::Ok, "this program was built with them (V4L2, GenICam)"),
+        (true, false) => (Health::Ok, "this program was built with them (V4L2; without GenICam)"),
+        (false, true) => (Health::Ok, "this program was built with them (GenICam; without V4L2)"),
+        (false, false) => (Health::Warn, "this program was built without them (V4L2, GenICam)"),
     };
+    let remedy = (ok != Health::Ok).then(|| libraries.to_owned());
     checks.insert(0, Check { name: "cameras".into(), ok, found: found.into(), remedy });
     let machine = Machine::here();
     let learned = match machine.learned.len() {
