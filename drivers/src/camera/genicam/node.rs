@@ -65,8 +65,8 @@ pub trait Node: Send {
     fn set_software_trigger(&mut self, on: bool) -> NodeResult<()>;
     /// Triggers one exposure.
     fn trigger(&mut self) -> NodeResult<()>;
-    /// Sets the size of network packets in bytes if given; returns the one in force, or `None` for a camera that is not
-    /// on a network.
+    /// Sets the size of network packets in bytes, by default the largest that arrives; returns the one in force, or
+    /// `None` for a camera that is not on a network.
     fn packet_size(&mut self, set: Option<u32>) -> NodeResult<Option<u32>>;
     /// Starts the stream with this many buffers.
     fn start(&mut self, buffers: u32) -> NodeResult<()>;

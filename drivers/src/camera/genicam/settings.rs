@@ -56,8 +56,8 @@ pub struct Settings {
     /// Source of the frames' times.
     #[serde(default)]
     pub timestamps: Timestamps,
-    /// Size of network packets in bytes; default: as negotiated with the camera. Larger packets need jumbo frames on
-    /// all network devices between camera and computer.
+    /// Size of network packets in bytes; default: the largest that arrives. Packets above 1500 bytes need jumbo frames
+    /// on all network devices between camera and computer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub packet_size: Option<u32>,
     /// Number of frames that may be queued.

@@ -133,6 +133,7 @@ unsafe extern "C" {
     pub fn arv_camera_get_payload(camera: *mut ArvCamera, error: Errors) -> c_uint;
     pub fn arv_camera_is_gv_device(camera: *mut ArvCamera) -> c_int;
     pub fn arv_camera_gv_set_packet_size(camera: *mut ArvCamera, bytes: c_int, error: Errors);
+    pub fn arv_camera_gv_auto_packet_size(camera: *mut ArvCamera, error: Errors) -> c_uint;
     pub fn arv_camera_gv_get_packet_size(camera: *mut ArvCamera, error: Errors) -> c_uint;
     pub fn arv_camera_gv_set_packet_size_adjustment(camera: *mut ArvCamera, adjustment: c_int);
 

@@ -118,6 +118,12 @@ impl AravisNode {
         self.call(|camera, error| text(unsafe { read(camera, error) }))
     }
 
+    /// Size of network packets in force.
+    fn packet_size_now(&self) -> NodeResult<Option<u32>> {
+        // SAFETY: the camera lives as long as `self` and is on a network.
+        self.call(|camera, error| unsafe { ffi::arv_camera_gv_get_packet_size(camera, error) }).map(Some)
+    }
+
     /// Whether the camera states that its gain is in dB.
     fn gain_is_decibel(&self) -> bool {
         // SAFETY: the node belongs to the device, and its type is checked before its unit is read.
@@ -273,16 +279,19 @@ impl Node for AravisNode {
         if !self.is_network() {
             return Ok(None);
         }
-        if let Some(bytes) = set {
-            let bytes = c_int::try_from(bytes).unwrap_or(c_int::MAX);
+        let Some(bytes) = set else {
+            // A camera that sends no test packets keeps its size.
             // SAFETY: the camera lives as long as `self` and is on a network.
-            self.call(|camera, error| unsafe {
-                ffi::arv_camera_gv_set_packet_size_adjustment(camera, ffi::ADJUST_NEVER);
-                ffi::arv_camera_gv_set_packet_size(camera, bytes, error);
-            })?;
-        }
+            let _ = self.call(|camera, error| unsafe { ffi::arv_camera_gv_auto_packet_size(camera, error) });
+            return self.packet_size_now();
+        };
+        let bytes = c_int::try_from(bytes).unwrap_or(c_int::MAX);
         // SAFETY: as above.
-        self.call(|camera, error| unsafe { ffi::arv_camera_gv_get_packet_size(camera, error) }).map(Some)
+        self.call(|camera, error| unsafe {
+            ffi::arv_camera_gv_set_packet_size_adjustment(camera, ffi::ADJUST_NEVER);
+            ffi::arv_camera_gv_set_packet_size(camera, bytes, error);
+        })?;
+        self.packet_size_now()
     }
 
     fn start(&mut self, buffers: u32) -> NodeResult<()> {
