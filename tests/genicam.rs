@@ -1,7 +1,7 @@
 //! Sessions with the camera simulator of aravis (GigE Vision on a private network), an emulated Elliptec stage, and a
 //! simulated browser page as panel. Skipped without the simulator, and where private networks cannot be made.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 use crate::panel::Page;
 use nacre_tests::http::{Service, begin, finished};
@@ -177,7 +177,7 @@ fn a_polarization_session_equals_a_simulated_one_in_kind() {
 /// Number of committed frames after which the camera is unplugged; `NACRE_EVERY_STEP` names more.
 fn steps() -> Vec<usize> {
     let every = std::env::var("NACRE_EVERY_STEP").unwrap_or_default();
-    if ["all", "genicam"].contains(&every.as_str()) { (0..=ANGLES.len()).collect() } else { vec![0, 2] }
+    if ["all", "genicam"].contains(&every.as_str()) { (0..ANGLES.len()).collect() } else { vec![0, 2] }
 }
 
 #[test]
