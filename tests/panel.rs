@@ -70,13 +70,13 @@ fn the_service_drives_devices_and_stop_cuts_their_movements_short() {
 }
 
 /// A simulated browser page, which acknowledges the requested patterns.
-struct Page {
-    shown: Arc<Mutex<Vec<Value>>>,
+pub(crate) struct Page {
+    pub(crate) shown: Arc<Mutex<Vec<Value>>>,
     stream: TcpStream,
 }
 
 impl Page {
-    fn open(address: SocketAddr) -> Self {
+    pub(crate) fn open(address: SocketAddr) -> Self {
         let mut stream = TcpStream::connect(address).unwrap();
         let request = "GET /api/v1/display/link?page=tests HTTP/1.1\r\nHost: localhost\r\n\r\n";
         stream.write_all(request.as_bytes()).unwrap();

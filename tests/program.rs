@@ -22,6 +22,7 @@ mod faults;
 mod files;
 mod first_run;
 mod flash;
+mod genicam;
 mod gpu;
 mod guardian;
 mod hdr;

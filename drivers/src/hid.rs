@@ -50,7 +50,7 @@ pub fn open(device: &str, path: &str) -> DeviceResult<Box<dyn Reports>> {
             let remedy = "plug the device in, or correct `path`; `nacre devices` lists what is there";
             return Err(cannot_open(device, path, "no such node".into()).remedy(remedy));
         }
-        Access::Open | Access::NotNeeded => {}
+        Access::Open | Access::InUse { .. } | Access::NotNeeded => {}
     }
     let refuse = |got: String| cannot_open(device, path, got).remedy("give the path of a hidraw node");
     let name = CString::new(path).map_err(|e| refuse(e.to_string()))?;

@@ -14,6 +14,8 @@ const SETTLED: u32 = 10;
 const TOGGLES: u32 = 6;
 /// Averaged frames per exposure.
 const AVERAGED: u32 = 3;
+/// Tolerated frames with a passing failure. Each may take several seconds.
+const FAILURES: u32 = 5;
 /// Largest deviation from the line, relative to the line's level, for which a camera counts as linear.
 pub const LINEARITY: f64 = 0.02;
 /// Maximum number of proposed exposures.
@@ -169,8 +171,16 @@ async fn average(camera: &mut dyn Camera) -> DeviceResult<f64> {
 
 /// Takes an undamaged frame with its codes.
 async fn whole_frame(camera: &mut dyn Camera) -> DeviceResult<Frame> {
+    let mut failures = 0;
     for _ in 0..WATCHED {
-        let frame = camera.next_frame(Freshness::default()).await?;
+        let frame = match camera.next_frame(Freshness::default()).await {
+            // An incomplete frame, or one that is late.
+            Err(e) if e.class == Class::Retry && failures < FAILURES => {
+                failures += 1;
+                continue;
+            }
+            frame => frame?,
+        };
         if !frame.damaged && !frame.codes.is_empty() {
             return Ok(frame);
         }

@@ -1,6 +1,8 @@
 //! Cameras.
 
+pub mod genicam;
 pub mod measure;
+pub mod pfnc;
 pub mod v4l2;
 
 use crate::{Camera, Clock, DeviceResult};
@@ -24,9 +26,20 @@ pub enum CameraDriver {
     Simulated {},
     /// A V4L2 camera: USB cameras, frame grabbers, camera modules.
     V4l2(v4l2::Settings),
+    /// A GenICam camera: GigE Vision, USB3 Vision.
+    Genicam(genicam::Settings),
 }
 
 impl CameraConfig {
+    /// Setting for the number of frames until changed controls take effect; `None` for the simulated camera.
+    pub fn control_lag_frames(&mut self) -> Option<&mut u32> {
+        match &mut self.driver {
+            CameraDriver::Simulated {} => None,
+            CameraDriver::V4l2(settings) => Some(&mut settings.control_lag_frames),
+            CameraDriver::Genicam(settings) => Some(&mut settings.control_lag_frames),
+        }
+    }
+
     /// Opens a camera of this machine; `None` for the simulated camera.
     ///
     /// # Errors
@@ -35,6 +48,7 @@ impl CameraConfig {
         match &self.driver {
             CameraDriver::Simulated {} => None,
             CameraDriver::V4l2(settings) => Some(v4l2::open(settings, clock)),
+            CameraDriver::Genicam(settings) => Some(genicam::open(settings, clock)),
         }
     }
 }

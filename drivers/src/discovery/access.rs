@@ -22,6 +22,11 @@ pub enum Access {
         /// Instruction for the user.
         remedy: String,
     },
+    /// Another program controls the device.
+    InUse {
+        /// Instruction for the user.
+        remedy: String,
+    },
     /// The device needs no node.
     NotNeeded,
 }
@@ -30,7 +35,7 @@ impl Access {
     /// Instruction for the user, if access is missing.
     pub fn remedy(&self) -> Option<&str> {
         match self {
-            Self::Denied { remedy } | Self::NoNode { remedy } => Some(remedy),
+            Self::Denied { remedy } | Self::NoNode { remedy } | Self::InUse { remedy } => Some(remedy),
             Self::Open | Self::NotNeeded => None,
         }
     }

@@ -1,9 +1,12 @@
-//! Devices of this machine, from the kernel's device tree; no device is opened.
+//! Devices of this machine, from the kernel's device tree and the network; no device is opened.
 //!
 //! Devices without access rights are listed together with a remedy.
 
 mod access;
+mod genicam;
+pub mod gvcp;
 mod hid;
+mod routes;
 mod rules;
 mod screens;
 mod serial;
@@ -13,6 +16,7 @@ mod usb;
 mod video;
 
 pub use access::{Access, RULES_PATH, remedy};
+pub use genicam::NetworkCamera;
 pub use hid::{HidNode, hid_nodes};
 pub use rules::udev_rules;
 pub use sysfs::{Root, Usb};
@@ -65,14 +69,23 @@ pub enum Kind {
     Other,
 }
 
-/// All devices of this machine with a possible role.
+/// All devices of this machine with a possible role. Cameras on the network take about a second.
 pub fn discover(root: &Root) -> Vec<Found> {
+    let (mut found, network) = discover_apart(root);
+    found.extend(network.into_iter().map(|camera| camera.found));
+    found
+}
+
+/// Devices of this machine, and cameras on the network.
+pub(crate) fn discover_apart(root: &Root) -> (Vec<Found>, Vec<NetworkCamera>) {
     let mut found = serial::ports(root);
     found.extend(hid::devices(root));
     found.extend(video::cameras(root));
     found.extend(screens::screens(root));
     found.extend(usb::others(root));
-    found
+    let answers = genicam::answers(root);
+    found.extend(genicam::usb_cameras(root, &answers));
+    (found, genicam::network_cameras(root, answers))
 }
 
 /// The udev name of a node by its device's serial number. Devices without a serial number share that name, so they are

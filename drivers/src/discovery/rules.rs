@@ -32,8 +32,10 @@ ATTRS{idVendor}==\"0403\", ATTRS{idProduct}==\"6015\", ENV{ID_MM_DEVICE_IGNORE}=
 ATTRS{idVendor}==\"1a86\", ATTRS{idProduct}==\"7523\", ENV{ID_MM_DEVICE_IGNORE}=\"1\"
 ATTRS{idVendor}==\"2341\", ENV{ID_MM_DEVICE_IGNORE}=\"1\"
 
-# Cameras
+# Cameras of V4L2, and of USB3 Vision
 SUBSYSTEM==\"video4linux\", MODE=\"0660\", GROUP=\"video\", TAG+=\"uaccess\"
+SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", ENV{ID_USB_INTERFACES}==\"*:ef0500:*\", \\
+  MODE=\"0660\", GROUP=\"video\", TAG+=\"uaccess\"
 "
 }
 

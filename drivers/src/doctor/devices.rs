@@ -64,6 +64,9 @@ pub(super) fn access(found: &[Found]) -> Vec<Check> {
             Access::Denied { remedy } => {
                 Check::not_ok(&name, health, format!("{} may not be opened", words(device)), remedy)
             }
+            Access::InUse { remedy } => {
+                Check::not_ok(&name, Health::Warn, format!("{} is in use", words(device)), remedy)
+            }
             Access::NoNode { remedy } => {
                 Check::not_ok(&name, health, format!("{} has no device node", words(device)), remedy)
             }

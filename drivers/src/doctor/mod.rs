@@ -3,8 +3,9 @@
 mod devices;
 mod disk;
 mod machine;
+mod network;
 
-use crate::discovery::{Root, discover};
+use crate::discovery::{Root, discover_apart};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -54,11 +55,15 @@ impl Check {
 
 /// Runs all checks. `folder` is the folder of the measurements; 64 MiB are written there and removed again.
 pub fn examine(root: &Root, folder: &Path) -> Vec<Check> {
-    let found = discover(root);
+    let (mut found, cameras) = discover_apart(root);
+    let networks = network::cameras(root, &cameras);
+    found.extend(cameras.into_iter().map(|camera| camera.found));
     let mut checks = vec![machine::versions(root), machine::resolution(), machine::date(), machine::memory(root)];
     checks.extend([disk::space(folder), disk::speed(folder, disk::AMOUNT)]);
     checks.extend(machine::governor(root));
     checks.push(devices::bandwidth(&found));
+    checks.extend(networks);
+    checks.extend(network::usb_memory(root, &found));
     checks.extend(devices::blanking(root, &found, &crate::display::desktop_warnings()));
     checks.extend(devices::access(&found));
     checks

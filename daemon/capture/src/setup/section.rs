@@ -191,7 +191,7 @@ impl BenchSection {
 
 /// Driver settings for the connection of a device and its time limits; its identity shows whether it is the same
 /// device.
-const REACH: [&str; 13] = [
+const REACH: [&str; 14] = [
     "port",
     "baud",
     "address",
@@ -201,6 +201,7 @@ const REACH: [&str; 13] = [
     "output",
     "card",
     "buffers",
+    "packet_size",
     "answer_ms",
     "start_ms",
     "move_ms",

@@ -101,6 +101,9 @@ fn plugged_in(found: &[Found]) -> String {
             Access::Denied { remedy } | Access::NoNode { remedy } => {
                 let _ = write!(text, "\n         may not be opened: {remedy}");
             }
+            Access::InUse { remedy } => {
+                let _ = write!(text, "\n         in use: {remedy}");
+            }
         }
         if let Some(setting) = &device.setting {
             let _ = write!(text, "\n         driver = {setting}");

@@ -31,17 +31,16 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         return Err(Error::file(&args.data, "is no folder", "give the folder that sessions go into").into());
     }
     let mut checks = examine(&Root::default(), &args.data);
-    if !v4l2::SUPPORTED {
-        checks.insert(
-            0,
-            Check {
-                name: "cameras".into(),
-                ok: Health::Warn,
-                found: "V4L2 cameras are not supported on this system".into(),
-                remedy: Some("connect the camera to a computer with 64-bit Linux".into()),
-            },
-        );
-    }
+    let (ok, found, remedy) = match (v4l2::SUPPORTED, cfg!(feature = "genicam")) {
+        (true, true) => (Health::Ok, "this program supports V4L2 and GenICam", None),
+        (false, true) => (Health::Ok, "this program supports GenICam, but not V4L2 on this system", None),
+        (true, false) => (Health::Ok, "this program supports V4L2; it was built without GenICam", None),
+        (false, false) => {
+            let remedy = "connect the camera to a computer with 64-bit Linux, or build with --features genicam";
+            (Health::Warn, "this program supports neither V4L2 nor GenICam on this system", Some(remedy.into()))
+        }
+    };
+    checks.insert(0, Check { name: "cameras".into(), ok, found: found.into(), remedy });
     let machine = Machine::here();
     let learned = match machine.learned.len() {
         0 => String::new(),

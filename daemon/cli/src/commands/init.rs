@@ -8,10 +8,10 @@ use nacre_capture::Failure;
 use nacre_capture::engine::BenchController;
 use nacre_capture::rig::{Rig, Uses, runtime};
 use nacre_capture::setup::BenchSection;
-use nacre_drivers::camera::{CameraConfig, CameraDriver, measure};
+use nacre_drivers::camera::{CameraConfig, measure};
 use nacre_drivers::discovery::{Kind, Root, discover};
 use nacre_drivers::display::desktop_warnings;
-use nacre_drivers::{Camera, CameraHandle, Clock, Frame, Freshness, Patience, SystemClock};
+use nacre_drivers::{Camera, CameraHandle, Class, Clock, Frame, Freshness, Patience, SystemClock};
 use nacre_image::{write_png16_gray, write_whole};
 use nacre_service::config::Config;
 use serde::de::DeserializeOwned;
@@ -64,6 +64,8 @@ struct Trial {
 
 /// Exposure of the trial frame.
 const EXPOSURE: Duration = Duration::from_millis(10);
+/// Tolerated trial frames with a passing failure, such as lost packets.
+const FAILURES: u32 = 5;
 
 /// Detects the devices, captures one trial frame and writes a configuration.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
@@ -189,9 +191,8 @@ fn real(section: &mut BenchSection, console: &Console) -> Result<Trial, Failure>
         trial.notes.extend(info.warnings);
         console.stage("measuring the camera", 0);
         trial.frame = Some(first_frame(&mut camera).await?);
-        if let Some(CameraConfig { driver: CameraDriver::V4l2(settings) }) = &mut section.camera {
-            let lag = measure(&mut camera, &mut trial.notes).await;
-            settings.control_lag_frames = lag.unwrap_or(settings.control_lag_frames);
+        if let Some(frames) = section.camera.as_mut().and_then(CameraConfig::control_lag_frames) {
+            *frames = measure(&mut camera, &mut trial.notes).await.unwrap_or(*frames);
         }
         Ok::<(), Failure>(())
     })?;
@@ -205,8 +206,15 @@ async fn first_frame(camera: &mut CameraHandle) -> Result<Frame, Failure> {
     let controls = camera.configure(exposure, info.gain[0]).await?;
     let duration = controls.exposure + seconds(info.readout_s);
     let mut fresh = Freshness { steady_since: controls.set_at, first_sequence: 0, duration };
+    let mut failures = 0;
     for _ in 0..20 + info.control_lag_frames {
-        let frame = camera.next_frame(fresh).await?;
+        let frame = match camera.next_frame(fresh).await {
+            Err(e) if e.class == Class::Retry && failures < FAILURES => {
+                failures += 1;
+                continue;
+            }
+            frame => frame?,
+        };
         if fresh.first_sequence == 0 {
             let first = Freshness::first_with_controls(frame.stamp, controls.set_at, info.control_lag_frames);
             fresh.first_sequence = first.unwrap_or(0);
