@@ -1,6 +1,6 @@
 # Commands that are typed most; `just` lists them.
 
-features := "nacre/genicam,nacre/gpu,nacre/raw"
+features := "nacre/gpu,nacre/raw"
 
 _default:
     @just --list
@@ -25,12 +25,12 @@ test crate:
 
 # Tests of the program whose names contain a word: just program kills
 program name:
-    cargo build --locked --features genicam,gpu,raw -p nacre
+    cargo build --locked --features gpu,raw -p nacre
     cargo test -p nacre-tests --test program -- {{name}}
 
 # Golden corpus; `just golden --update` accepts differences
 golden *args:
-    cargo build --locked --features genicam,gpu,raw -p nacre
+    cargo build --locked --features gpu,raw -p nacre
     tests/golden {{args}}
 
 # Everything that continuous integration runs

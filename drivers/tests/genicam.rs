@@ -2,7 +2,6 @@
 //!
 //! Each test runs in a private network, so that it neither finds nor is found by other cameras. The tests are skipped
 //! without the simulator, or where private networks cannot be made.
-#![cfg(feature = "genicam")]
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
 
 use nacre_drivers::camera::genicam::aravis::list;

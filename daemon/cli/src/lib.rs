@@ -139,7 +139,7 @@ fn only_estimate(matches: &ArgMatches) -> bool {
 
 /// Features that extend this build.
 fn features() -> String {
-    let all = [("genicam", cfg!(feature = "genicam")), ("gpu", cfg!(feature = "gpu")), ("raw", cfg!(feature = "raw"))];
+    let all = [("gpu", cfg!(feature = "gpu")), ("raw", cfg!(feature = "raw"))];
     let built: Vec<&str> = all.iter().filter(|(_, built)| *built).map(|(name, _)| *name).collect();
     if built.is_empty() { "none".into() } else { built.join(", ") }
 }

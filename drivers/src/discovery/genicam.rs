@@ -27,13 +27,12 @@ pub(super) struct Answer {
     pub network: bool,
 }
 
-/// Cameras that answer; none on a simulated machine, or in a build without the library.
+/// Cameras that answer; none on a simulated machine, or without the library.
 pub(super) fn answers(root: &Root) -> Vec<Answer> {
     if *root != Root::default() {
         return vec![];
     }
-    #[cfg(feature = "genicam")]
-    let listed = crate::camera::genicam::aravis::list::cameras()
+    crate::camera::genicam::aravis::list::cameras()
         .into_iter()
         .map(|camera| Answer {
             words: format!("{} {}", camera.vendor, camera.model),
@@ -42,10 +41,12 @@ pub(super) fn answers(root: &Root) -> Vec<Answer> {
             serial: camera.serial,
             network: camera.network,
         })
-        .collect();
-    #[cfg(not(feature = "genicam"))]
-    let listed = vec![];
-    listed
+        .collect()
+}
+
+/// Whether a USB3 Vision camera is connected.
+pub(crate) fn has_usb3_vision(root: &Root) -> bool {
+    entries(&root.sys.join("bus/usb/devices")).iter().any(|folder| is_usb3_vision(folder))
 }
 
 /// Cameras on USB 3. Only the library knows their names for the configuration.

@@ -4,6 +4,7 @@ use crate::console::Console;
 use nacre_base::Error;
 use nacre_base::estimate::Machine;
 use nacre_capture::Failure;
+use nacre_drivers::camera::genicam::aravis::list::library;
 use nacre_drivers::camera::v4l2;
 use nacre_drivers::discovery::Root;
 use nacre_drivers::doctor::{Check, Health, examine};
@@ -31,14 +32,14 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         return Err(Error::file(&args.data, "is no folder", "give the folder that sessions go into").into());
     }
     let mut checks = examine(&Root::default(), &args.data);
-    let (ok, found, remedy) = match (v4l2::SUPPORTED, cfg!(feature = "genicam")) {
-        (true, true) => (Health::Ok, "this program supports V4L2 and GenICam", None),
-        (false, true) => (Health::Ok, "this program supports GenICam, but not V4L2 on this system", None),
-        (true, false) => (Health::Ok, "this program supports V4L2; it was built without GenICam", None),
-        (false, false) => {
-            let remedy = "connect the camera to a computer with 64-bit Linux, or build with --features genicam";
-            (Health::Warn, "this program supports neither V4L2 nor GenICam on this system", Some(remedy.into()))
+    let install = "for GenICam, install aravis 0.8 (Debian: libaravis-0.8-0)";
+    let (ok, found, remedy) = match (v4l2::SUPPORTED, library().is_ok()) {
+        (true, true) => (Health::Ok, "V4L2 and GenICam can be used", None),
+        (false, true) => (Health::Ok, "GenICam can be used, V4L2 not on this system", None),
+        (true, false) => {
+            (Health::Ok, "V4L2 can be used; for GenICam, aravis 0.8 is not installed", Some(install.into()))
         }
+        (false, false) => (Health::Warn, "neither V4L2 nor GenICam can be used on this system", Some(install.into())),
     };
     checks.insert(0, Check { name: "cameras".into(), ok, found: found.into(), remedy });
     let machine = Machine::here();

@@ -10,6 +10,7 @@ const LOSSY: f64 = 0.001;
 pub fn opening(device: &str, failure: &Failure) -> DeviceError {
     let error = DeviceError::new(device, "open", "a camera", &*failure.text).class(Class::Setup);
     match failure.cause {
+        Cause::Library => error.remedy("install aravis 0.8 (Debian: apt install libaravis-0.8-0)"),
         Cause::Missing => error.remedy(
             "`nacre devices` lists the cameras that answer; check power and cable, and that the camera's address belongs \
              to the network of this computer",
@@ -28,7 +29,7 @@ pub fn command(id: &str, command: &str, expected: &str, failure: &Failure) -> De
     match failure.cause {
         Cause::Missing | Cause::Gone => error.remedy("check the camera's power and cable").class(Class::Lost),
         Cause::Held => error.remedy("end the other program that controls the camera").class(Class::Lost),
-        Cause::Unsupported => {
+        Cause::Library | Cause::Unsupported => {
             error.remedy("the camera cannot do this: choose another value or camera").class(Class::Setup)
         }
         Cause::Other => error.remedy("restart the camera if this comes back").class(Class::Retry),

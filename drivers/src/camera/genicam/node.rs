@@ -17,6 +17,8 @@ pub struct Failure {
 /// Cause of a failed call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
+    /// The library cannot be loaded.
+    Library,
     /// No camera of this name or address answers.
     Missing,
     /// Another program controls the camera.

@@ -2,6 +2,8 @@
 
 use super::ffi;
 use super::safe::text;
+use crate::discovery::Root;
+use crate::discovery::genicam::has_usb3_vision;
 use std::ffi::c_char;
 
 /// Maximum number of listed cameras.
@@ -24,8 +26,29 @@ pub struct Listed {
     pub network: bool,
 }
 
-/// Cameras that answer within about a second. No camera is opened.
+/// Whether the library is there.
+///
+/// # Errors
+/// The system's message if it cannot be loaded.
+pub fn library() -> Result<(), String> {
+    ffi::load()
+}
+
+/// Looks for cameras on USB only where one is connected: for them, the library keeps a thread and files until the end of
+/// the process.
+pub(super) fn choose_interfaces() {
+    let usb = c"USB3Vision".as_ptr();
+    let connected = has_usb3_vision(&Root::default());
+    // SAFETY: the name ends with zero.
+    unsafe { if connected { ffi::arv_enable_interface(usb) } else { ffi::arv_disable_interface(usb) } }
+}
+
+/// Cameras that answer within about a second; none without the library. No camera is opened.
 pub fn cameras() -> Vec<Listed> {
+    if library().is_err() {
+        return vec![];
+    }
+    choose_interfaces();
     // SAFETY: the library guards its list by a lock, and indices beyond its end give null.
     let count = unsafe {
         ffi::arv_update_device_list();

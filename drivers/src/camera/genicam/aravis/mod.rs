@@ -34,8 +34,10 @@ impl AravisNode {
     /// Opens a camera by its identifier or network address.
     ///
     /// # Errors
-    /// `Missing` if none answers, `Held` if another program controls it.
+    /// `Library` without aravis, `Missing` if no camera answers, `Held` if another program controls it.
     pub fn open(device: &str) -> NodeResult<Self> {
+        ffi::load().map_err(|problem| Failure::new(Cause::Library, problem))?;
+        list::choose_interfaces();
         let name = c_string(device)?;
         // SAFETY: the name ends with zero and lives through the call.
         let opened = checked(|error| unsafe { ffi::arv_camera_new(name.as_ptr(), error) });
