@@ -20,7 +20,8 @@ struct Emulated {
 }
 
 impl Emulated {
-    /// `stage` is elliptec or grbl, `flash` is relay, blink1 or bulk; `more` is passed to the bench.
+    /// `stage` is elliptec or grbl, `flash` is relay, blink1 or bulk; `more` is passed to the bench. With faults of an
+    /// interlock, there is one.
     fn start(place: &Place, [stage, flash]: [&str; 2], more: &[&str]) -> Self {
         let folder = place.path("");
         let [port, lamp] = ["stage", "lamp"].map(|name| folder.join(name));
@@ -32,16 +33,22 @@ impl Emulated {
             "grbl" => format!("start_ms = {start_ms}, home_ms = {move_ms}, "),
             _ => String::new(),
         };
-        let config = format!(
+        let mut config = format!(
             "[bench]\nsim = true\nsocket = {:?}\n[bench.stage]\n\
              driver = {{ kind = \"{stage}\", port = {port:?}, {patience}answer_ms = {answer_ms}, move_ms = {move_ms}, settling_ms = 0 }}\n\
              [bench.flash]\ndriver = {{ kind = \"{flash}\", path = \"unix:{}\" }}\nsettling_ms = 0.001\nmax_on_s = 120\n",
             folder.join("socket"),
             lamp.display(),
         );
+        let door = folder.join("door").to_string_lossy().into_owned();
+        let mut devices = vec![format!("{stage}={}", port.display()), format!("{flash}={}", lamp.display())];
+        if more.iter().any(|word| word.starts_with("interlock:")) {
+            devices.push(format!("interlock={door}"));
+            let driver = format!("{{ kind = \"hid\", path = \"unix:{door}\" }}");
+            let _ = writeln!(config, "[[bench.interlocks]]\nname = \"door\"\ndriver = {driver}");
+        }
         fs::write(folder.join("nacre.toml"), config).unwrap();
-        let devices = [format!("{stage}={}", port.display()), format!("{flash}={}", lamp.display())];
-        let mut args = vec!["--device", &devices[0], "--device", &devices[1]];
+        let mut args: Vec<&str> = devices.iter().flat_map(|device| ["--device", device]).collect();
         args.extend(more);
         let bench = BenchProcess::start(&folder.join("socket"), &folder.join("bench.toml"), &args);
         Self { bench, folder }
@@ -128,8 +135,10 @@ const HEADER: &str = "\
 # Faults of devices in a session
 
 Written by `tests/emulated.rs` (`NACRE_EVERY_STEP=all` tests every command). Each row is a device and a fault, which
-occurs once or permanently, from a given command on. Stages and flashes are emulated to the byte; camera and display are
-simulated. A session of five frames was captured with each fault.
+occurs once or permanently, from a given command on. Stages, flashes and the interlock are emulated to the byte;
+camera and display are simulated. A session of five frames was captured with each fault.
+
+An interlock is read every 10 ms; each failed reading counts as an opening.
 
 - *over*: the session tolerated the fault and succeeded.
 - *stopped*: the session ended with an error that names the device. The last column shows one.
@@ -141,6 +150,9 @@ The light was off, except for a flash that no longer responds. The message then 
 
 const WIRE: [&str; 9] =
     ["no_answer", "half_answer", "dropped", "garbage", "resend", "reset", "slow", "wrong_status", "stuck_busy"];
+
+/// Faults of an interlock: it has no state to lose or to get stuck.
+const CONTACT: [&str; 7] = ["no_answer", "half_answer", "dropped", "garbage", "resend", "slow", "wrong_status"];
 
 /// A session with a fault.
 #[derive(Clone, Copy, PartialEq)]
@@ -166,12 +178,15 @@ fn cases(whole: &[(String, Vec<u8>)]) -> Vec<Case> {
         ("relay", &WIRE, &[0, 7]),
         ("blink1", &WIRE, &[0, 7]),
         ("bulk", &WIRE, &[0, 7]),
+        ("interlock", &CONTACT, &[0, 4]),
         ("camera", &["silent", "lost", "wrong_size", "damaged"], &[0, 9, 20]),
         ("display", &["silent", "lost", "other_pattern"], &[0, 2, 4]),
     ] {
-        let all = faults.iter().any(|f| every(device, f)).then(|| commands(device, faults[0], whole));
+        // The time determines how often an interlock is read.
+        let every = |fault: &str| device != "interlock" && every(device, fault);
+        let all = faults.iter().any(|f| every(f)).then(|| commands(device, faults[0], whole));
         for (fault, once) in faults.iter().flat_map(|fault| [(fault, true), (fault, false)]) {
-            let steps = all.filter(|_| every(device, fault)).map_or(some.to_vec(), |all| (0..all).collect());
+            let steps = all.filter(|_| every(fault)).map_or(some.to_vec(), |all| (0..all).collect());
             cases.extend(steps.iter().map(|after| Case { device, fault, after: *after, once }));
         }
     }
@@ -251,7 +266,7 @@ fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
         "blink1" | "bulk" => ["elliptec", device],
         _ => ["elliptec", "relay"],
     };
-    let wire = devices.contains(&device);
+    let wire = devices.contains(&device) || device == "interlock";
     let mut spec = vec!["--fault".to_owned(), format!("{device}:{fault}:{after}{}", if once { ":1" } else { "" })];
     if !wire {
         spec.clear();
@@ -281,6 +296,7 @@ fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
                 "bulk" => "flash",
                 "camera" => "simulated camera",
                 "display" => "simulated panel",
+                "interlock" => "door (bit 0 of unix:",
                 other => other,
             };
             assert!(stderr.contains(says), "{name}: {stderr}");

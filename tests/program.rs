@@ -28,6 +28,7 @@ mod guardian;
 mod hdr;
 mod inspect_page;
 mod inspection;
+mod interlocks;
 mod kills;
 mod kinds;
 mod limits;

@@ -1,7 +1,7 @@
 //! Device drivers of a bench: traits, errors, clock, and the rule for fresh frames.
 //!
-//! Each device family has a folder; the enumerations `StageDriver`, `CameraDriver`, `DisplayDriver` and `FlashDriver`
-//! list the drivers. The simulated bench implements the same traits.
+//! Each device family has a folder; the enumerations `StageDriver`, `CameraDriver`, `DisplayDriver`, `FlashDriver` and
+//! `InterlockDriver` list the drivers. The simulated bench implements the same traits.
 
 pub mod actor;
 pub mod camera;
@@ -14,6 +14,7 @@ pub mod flash;
 pub mod freshness;
 pub mod handles;
 pub mod hid;
+pub mod interlock;
 pub mod lock;
 pub mod socket_transport;
 pub mod stage;

@@ -40,6 +40,7 @@ pub(super) fn devices(root: &Root) -> Vec<Found> {
 fn device(root: &Root, hid: HidNode) -> Option<Found> {
     let (what, setting) = match (hid.vendor, hid.product) {
         (0x16c0, 0x05df) if hid.name.contains("USBRelay") => ("relay", "{ kind = \"relay\", channel = 1 }".to_owned()),
+        (0x0519, 0x2018) => ("relay whose state cannot be read back", "{ kind = \"relay\", channel = 1 }".to_owned()),
         (0x27b8, 0x01ed) if hid.serial.is_empty() => ("blink(1) lamp", "{ kind = \"blink1\" }".to_owned()),
         (0x27b8, 0x01ed) => ("blink(1) lamp", format!("{{ kind = \"blink1\", serial = {} }}", quoted(&hid.serial))),
         _ => return None,

@@ -6,9 +6,12 @@ pub fn udev_rules() -> &'static str {
 # Devices of Nacre: whoever sits at the machine may open them, and so may the groups below (over ssh).
 # After a change: sudo udevadm control --reload && sudo udevadm trigger
 
-# Relay (DCTTech); its numbers are shared with other devices, its product is not.
+# Relays (DCTTech, HIDRelay), also by USB port, such as nacre-relay-1-2: some have no serial number. The numbers of
+# DCTTech are shared with other devices, its product is not.
 KERNEL==\"hidraw*\", ATTRS{idVendor}==\"16c0\", ATTRS{idProduct}==\"05df\", ATTRS{product}==\"USBRelay*\", \\
-  MODE=\"0660\", GROUP=\"dialout\", TAG+=\"uaccess\", SYMLINK+=\"nacre-relay\"
+  MODE=\"0660\", GROUP=\"dialout\", TAG+=\"uaccess\", SYMLINK+=\"nacre-relay nacre-relay-$id\"
+KERNEL==\"hidraw*\", ATTRS{idVendor}==\"0519\", ATTRS{idProduct}==\"2018\", \\
+  MODE=\"0660\", GROUP=\"dialout\", TAG+=\"uaccess\", SYMLINK+=\"nacre-relay nacre-relay-$id\"
 
 # blink(1)
 KERNEL==\"hidraw*\", ATTRS{idVendor}==\"27b8\", ATTRS{idProduct}==\"01ed\", \\

@@ -45,9 +45,10 @@ fn port(root: &Root, folder: &Path) -> Option<Found> {
 fn known(usb: &Usb) -> (Kind, &'static str, Option<&'static str>) {
     match (usb.vendor, usb.product) {
         (0x0403, 0x6015) => (Kind::Stage, "serial port, perhaps the interface of Elliptec stages", Some("elliptec")),
-        (0x1a86, 0x7523) | (0x2341 | 0x2a03, _) => {
-            (Kind::Stage, "serial port, perhaps a GRBL controller", Some("grbl"))
+        (0x1a86, 0x7523) => {
+            (Kind::Stage, "serial port, perhaps a GRBL controller or an LCUS relay (kind = \"lcus\")", Some("grbl"))
         }
+        (0x2341 | 0x2a03, _) => (Kind::Stage, "serial port, perhaps a GRBL controller", Some("grbl")),
         _ => (Kind::Other, "serial port", None),
     }
 }

@@ -3,6 +3,7 @@
 pub mod blink1;
 pub mod bulk;
 mod lamp;
+pub mod lcus;
 pub mod relay;
 pub mod serial_line;
 
@@ -48,6 +49,8 @@ pub enum FlashDriver {
     Blink1(blink1::Settings),
     /// Custom electronics with bulk transfers.
     Bulk(bulk::Settings),
+    /// A lamp behind an LCUS relay board.
+    Lcus(lcus::Settings),
     /// A lamp switched by a control line of a serial port.
     SerialLine(serial_line::Settings),
 }
@@ -72,6 +75,7 @@ impl FlashConfig {
             FlashDriver::Relay(settings) => Some(relay::open(settings, timing, clock)),
             FlashDriver::Blink1(settings) => Some(blink1::open(settings, timing, clock)),
             FlashDriver::Bulk(settings) => Some(bulk::open(settings, timing, clock)),
+            FlashDriver::Lcus(settings) => Some(lcus::open(settings, timing, clock)),
             FlashDriver::SerialLine(settings) => Some(serial_line::open(settings, timing, clock)),
         }
     }
@@ -96,6 +100,7 @@ impl FlashConfig {
             | FlashDriver::Bulk(bulk::Settings { serial: Some(_), path: Some(_), .. }) => {
                 Err("driver has both serial and path; give one of them".into())
             }
+            FlashDriver::Lcus(settings) => settings.check(),
             _ => Ok(()),
         }
     }

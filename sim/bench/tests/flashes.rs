@@ -51,7 +51,9 @@ impl Rig {
     fn open(&self, max_on_s: f64) -> DeviceResult<Box<dyn Flash>> {
         let path = Some(self.served.path());
         let driver = match self.kind {
-            Kind::Relay => FlashDriver::Relay(relay::Settings { serial: Some("BITFT".into()), path, channel: 2 }),
+            Kind::Relay => {
+                FlashDriver::Relay(relay::Settings { serial: Some("BITFT".into()), path, channel: 2, board: None })
+            }
             Kind::Blink1 => FlashDriver::Blink1(blink1::Settings { serial: None, path, rgb: [255, 200, 100] }),
             Kind::Bulk => FlashDriver::Bulk(bulk::Settings { serial: None, path }),
         };
@@ -158,7 +160,8 @@ fn a_relay_of_another_number_or_without_the_channel_is_refused() {
     let rig = Rig::new(Kind::Relay, vec![]);
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
     let open = |serial: &str, channel| {
-        let settings = relay::Settings { serial: Some(serial.into()), path: Some(rig.served.path()), channel };
+        let settings =
+            relay::Settings { serial: Some(serial.into()), path: Some(rig.served.path()), channel, board: None };
         let config = FlashConfig { driver: FlashDriver::Relay(settings), settling_ms: 1.0, max_on_s: 1.0 };
         config.open(&clock).unwrap().err().unwrap()
     };
@@ -171,7 +174,7 @@ fn a_relay_of_another_number_or_without_the_channel_is_refused() {
 fn other_channels_are_left_alone() {
     let rig = Rig::new(Kind::Relay, vec![]);
     // The flash is on channel 2; another load uses channel 1.
-    let settings = relay::Settings { serial: None, path: Some(rig.served.path()), channel: 1 };
+    let settings = relay::Settings { serial: None, path: Some(rig.served.path()), channel: 1, board: None };
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
     let config = FlashConfig { driver: FlashDriver::Relay(settings), settling_ms: 1.0, max_on_s: 1.0 };
     let mut flash = rig.open(10.0).unwrap();
@@ -235,7 +238,10 @@ fn a_lost_link_comes_back_dark() {
 fn settings_are_read_as_written() {
     let read = |text: &str| toml_of(text).driver;
     let relay = read("driver = { kind = \"relay\", serial = \"BITFT\", channel = 2 }");
-    assert_eq!(relay, FlashDriver::Relay(relay::Settings { serial: Some("BITFT".into()), path: None, channel: 2 }));
+    assert_eq!(
+        relay,
+        FlashDriver::Relay(relay::Settings { serial: Some("BITFT".into()), path: None, channel: 2, board: None })
+    );
     assert!(matches!(read("driver = { kind = \"blink1\" }"), FlashDriver::Blink1(s) if s.rgb == [255; 3]));
     assert!(matches!(read("driver = { kind = \"bulk\" }"), FlashDriver::Bulk(_)));
     let line = read("driver = { kind = \"serial_line\", port = \"/dev/ttyUSB0\", line = \"dtr\" }");

@@ -8,7 +8,10 @@ use crate::page::PagePanel;
 use crate::plan::Limits;
 use crate::setup::BenchSection;
 use nacre_drivers::display::DisplayDriver;
-use nacre_drivers::{CameraInfo, Clock, DeviceResult, DisplayInfo, FlashInfo, HandStage, StageInfo, SystemClock};
+use nacre_drivers::interlock::InterlockConfig;
+use nacre_drivers::{
+    CameraInfo, Clock, DeviceResult, DisplayInfo, FlashInfo, HandStage, InterlockInfo, StageInfo, SystemClock,
+};
 use nacre_sim::socket::RemoteBench;
 use nacre_sim::{Devices as Simulated, SimDevice, describe};
 use std::sync::Arc;
@@ -24,6 +27,8 @@ pub struct Described {
     pub display: Option<DeviceResult<DisplayInfo>>,
     /// The flash.
     pub flash: Option<DeviceResult<FlashInfo>>,
+    /// Configured interlocks: identity, and whether each is closed.
+    pub interlocks: Vec<DeviceResult<(InterlockInfo, bool)>>,
 }
 
 impl Place {
@@ -46,6 +51,7 @@ impl Place {
             camera: locked(&only(Uses { camera: Use::Always, ..Uses::NONE }), |s| camera(s, simulated)),
             display: locked(&only(Uses { display: Use::Always, ..Uses::NONE }), |s| display(s, simulated)),
             flash: locked(&only(Uses { flash: Use::Always, ..Uses::NONE }), |s| flash(s, simulated)),
+            interlocks: self.section.interlocks.iter().map(interlock).collect(),
         })
     }
 
@@ -56,7 +62,7 @@ impl Place {
     /// another process.
     pub fn limits(&self) -> Result<Limits, Failure> {
         self.require(Uses::SESSION)?;
-        let Described { stage, camera, display, flash } = self.describe()?;
+        let Described { stage, camera, display, flash, .. } = self.describe()?;
         Ok(Limits {
             stage: stage.ok_or_else(|| missing("stage"))??,
             camera: camera.ok_or_else(|| missing("camera"))??,
@@ -114,6 +120,12 @@ fn flash(section: &BenchSection, simulated: Option<&Simulated>) -> Option<Device
         Some(opened) => Some(opened.map(|flash| flash.describe())),
         None => simulated.map(|s| Ok(s.flash.clone())),
     }
+}
+
+fn interlock(config: &InterlockConfig) -> DeviceResult<(InterlockInfo, bool)> {
+    let mut opened = config.open()?;
+    let level = nacre_drivers::wire::wait(opened.level())?;
+    Ok((opened.describe(), level.holds))
 }
 
 #[cfg(test)]

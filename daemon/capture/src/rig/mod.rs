@@ -13,10 +13,11 @@ use crate::setup::{BenchSection, Setup};
 use absent::Absent;
 use nacre_base::Error;
 use nacre_base::progress::Progress;
+use nacre_drivers::interlock::InterlockConfig;
 use nacre_drivers::stage::Mounting;
 use nacre_drivers::{
-    Camera, CameraHandle, DeviceLock, DeviceResult, Display, DisplayHandle, Flash, FlashHandle, InterlockHandle, Stage,
-    StageHandle,
+    Camera, CameraHandle, DeviceLock, DeviceResult, Display, DisplayHandle, Flash, FlashHandle, Interlock,
+    InterlockHandle, Stage, StageHandle,
 };
 use nacre_frames::Distances;
 use nacre_sim::{Bench, BenchConfig, Devices as Simulated, SharedBench};
@@ -187,11 +188,23 @@ async fn open(sources: Sources, opens: [bool; 4], locks: Vec<DeviceLock>) -> Dev
         rig.ids.push(flash.describe().id);
         rig.devices.flash = Some(Box::new(flash));
     }
-    if let Some(door) = sources.interlock() {
-        rig.watch = Watch::new(vec![Box::new(InterlockHandle::start(door, sources.patience(false)).await?)]);
+    // Interlocks are opened last: opening a flash switches it off, even if an interlock is missing.
+    let mut interlocks: Vec<Box<dyn Interlock>> = vec![];
+    for connect in sources.interlocks() {
+        interlocks.push(Box::new(InterlockHandle::start(connect, sources.patience(false)).await?));
     }
+    rig.watch = Watch::new(interlocks);
     rig.bench = sources.bench;
     Ok(rig)
+}
+
+/// Opens the interlocks of a section, for a task that drives a device directly.
+///
+/// # Errors
+/// `Setup` if one cannot be opened.
+pub fn interlocks(section: &BenchSection) -> DeviceResult<Watch> {
+    let opened: DeviceResult<Vec<_>> = section.interlocks.iter().map(InterlockConfig::open).collect();
+    Ok(Watch::new(opened?))
 }
 
 /// Optics and distances of a simulated bench.

@@ -197,10 +197,16 @@ impl Sources {
         Ok(Some(Box::new(move || Ok(Box::new(GuardedFlash::start(&guarded, clock.clone())?) as Box<dyn Flash>))))
     }
 
-    /// Door switch of the simulated bench, if any device is simulated.
-    pub fn interlock(&self) -> Option<Connect<dyn Interlock>> {
-        let dial = self.dial.clone()?;
-        Some(Box::new(move || Ok(Box::new(SimDevice::new(dial()?)?) as Box<dyn Interlock>)))
+    /// Door switch of the simulated bench, if any device is simulated, and the configured interlocks.
+    pub fn interlocks(&self) -> Vec<Connect<dyn Interlock>> {
+        let mut interlocks: Vec<Connect<dyn Interlock>> = vec![];
+        if let Some(dial) = self.dial.clone() {
+            interlocks.push(Box::new(move || Ok(Box::new(SimDevice::new(dial()?)?) as Box<dyn Interlock>)));
+        }
+        for config in self.section.interlocks.clone() {
+            interlocks.push(Box::new(move || config.open()));
+        }
+        interlocks
     }
 
     fn dial(&self, what: &str) -> DeviceResult<Dial> {

@@ -35,6 +35,11 @@ impl Uses {
     /// No device.
     pub const NONE: Self = Self { stage: Use::Never, camera: Use::Never, display: Use::Never, flash: Use::Never };
 
+    /// True if a task may move a device or emit light, which interlocks prevent.
+    pub(super) fn moves_or_lights(self) -> bool {
+        [self.stage, self.display, self.flash].iter().any(|used| *used != Use::Never)
+    }
+
     /// A session: all devices, and the flash if it exists.
     pub const SESSION: Self =
         Self { stage: Use::Always, camera: Use::Always, display: Use::Always, flash: Use::IfThere };
@@ -79,13 +84,14 @@ impl Place {
 }
 
 impl BenchSection {
-    /// The section without unused devices.
+    /// The section without unused devices. Interlocks are used by tasks that move a device or emit light.
     pub fn only(&self, uses: Uses) -> Self {
         Self {
             stage: self.stage.clone().filter(|_| uses.stage != Use::Never),
             camera: self.camera.clone().filter(|_| uses.camera != Use::Never),
             display: self.display.clone().filter(|_| uses.display != Use::Never),
             flash: self.flash.clone().filter(|_| uses.flash != Use::Never),
+            interlocks: if uses.moves_or_lights() { self.interlocks.clone() } else { vec![] },
             ..self.clone()
         }
     }
@@ -120,6 +126,21 @@ mod tests {
         place("stage = { driver = { kind = \"hand\" } }", None)
             .require(Uses { stage: Use::Always, ..Uses::NONE })
             .unwrap();
+    }
+
+    #[test]
+    fn tasks_that_move_or_light_use_interlocks() {
+        let door = "interlocks = [{ name = \"door\", driver = { kind = \"gpio\", chip = \"/dev/x\", line = 1 } }]";
+        let section = place(door, None).section;
+        assert!(section.only(CAMERA).interlocks.is_empty() && section.only(Uses::NONE).interlocks.is_empty());
+        for uses in [
+            Uses::SESSION,
+            Uses { stage: Use::Always, ..Uses::NONE },
+            Uses { display: Use::IfThere, ..Uses::NONE },
+            Uses { flash: Use::Always, ..Uses::NONE },
+        ] {
+            assert_eq!(section.only(uses).interlocks.len(), 1, "{uses:?}");
+        }
     }
 
     #[test]

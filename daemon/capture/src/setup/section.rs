@@ -4,6 +4,7 @@ use super::Setup;
 use nacre_drivers::camera::{CameraConfig, CameraDriver};
 use nacre_drivers::display::{DisplayConfig, DisplayDriver};
 use nacre_drivers::flash::{FlashConfig, FlashDriver};
+use nacre_drivers::interlock::InterlockConfig;
 use nacre_drivers::stage::{Mounting, StageConfig, StageDriver};
 use nacre_drivers::{DeviceLock, DeviceResult};
 use nacre_frames::Distances;
@@ -37,6 +38,9 @@ pub struct BenchSection {
     /// Flash.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flash: Option<FlashConfig>,
+    /// Interlocks, which must be closed while anything moves or emits light.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub interlocks: Vec<InterlockConfig>,
     /// Wavelength and distances, for a bench with a real camera.
     #[serde(skip_serializing_if = "Optics::is_unknown")]
     pub optics: Optics,
@@ -108,6 +112,7 @@ impl BenchSection {
         self.stage.as_ref().map_or(Ok(()), |s| s.mounting.check().map_err(|e| format!("bench.stage.{e}")))?;
         self.display.as_ref().map_or(Ok(()), |d| d.check().map_err(|e| format!("bench.display.{e}")))?;
         self.flash.as_ref().map_or(Ok(()), |f| f.check().map_err(|e| format!("bench.flash.{e}")))?;
+        self.check_interlocks()?;
         self.optics.check()?;
         if self.has_real_camera() && self.sim {
             return Err("bench.sim is true, but the camera is real: its clock is not that of simulated devices; \
@@ -122,6 +127,40 @@ impl BenchSection {
             );
         }
         Ok(())
+    }
+
+    /// Checks the interlocks: each has its own name, and its serial port belongs to no other device, which would change
+    /// the port's lines and speed.
+    fn check_interlocks(&self) -> Result<(), String> {
+        for (k, interlock) in self.interlocks.iter().enumerate() {
+            interlock.check().map_err(|e| format!("bench.interlocks[{k}].{e}"))?;
+            if self.interlocks[..k].iter().any(|other| other.name == interlock.name) {
+                return Err(format!(
+                    "bench.interlocks[{k}].name is {:?}, like that of another interlock",
+                    interlock.name
+                ));
+            }
+            let shared = interlock.port().and_then(|port| self.device_at(port));
+            if let Some(device) = shared {
+                return Err(format!(
+                    "bench.interlocks[{k}].driver.port is that of bench.{device}; give the interlock its own port"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// The stage or flash at a serial port.
+    fn device_at(&self, port: &str) -> Option<&'static str> {
+        let node = |path: &str| Path::new(path).canonicalize().unwrap_or_else(|_| path.into());
+        let drivers = [
+            ("stage", self.stage.as_ref().map(|s| serde_json::to_value(&s.driver))),
+            ("flash", self.flash.as_ref().map(|f| serde_json::to_value(&f.driver))),
+        ];
+        drivers.into_iter().find_map(|(name, driver)| {
+            let driver = driver?.ok()?;
+            (node(driver.get("port")?.as_str()?) == node(port)).then_some(name)
+        })
     }
 
     /// True if the frames come from a camera of this machine.
@@ -156,7 +195,7 @@ impl BenchSection {
     }
 
     /// The first key with an effect on frames that differs from `other`, and both values. Zero, sense, delays and
-    /// distances have an effect; the connection of a device and its time limits have none.
+    /// distances have an effect; the connection of a device, its time limits and the interlocks have none.
     pub fn differs(&self, other: &Self) -> Option<String> {
         let [here, there] = [self, other].map(|section| {
             let mut value = serde_json::to_value(section).unwrap_or_default();
@@ -166,7 +205,7 @@ impl BenchSection {
                 }
             }
             if let Some(bench) = value.as_object_mut() {
-                bench.retain(|key, _| !["file", "socket"].contains(&key.as_str()));
+                bench.retain(|key, _| !["file", "socket", "interlocks"].contains(&key.as_str()));
             }
             value
         });
@@ -297,6 +336,10 @@ mod tests {
             ("control_lag_frames = 2", "control_lag_frames = 2, buffers = 8"),
             ("\"HDMI-A-1\"", "\"HDMI-A-2\", card = \"/dev/dri/card1\""),
             ("path = \"/dev/hidraw0\"", "serial = \"1234\""),
+            (
+                "[optics]",
+                "[[interlocks]]\nname = \"door\"\ndriver = { kind = \"gpio\", chip = \"/dev/gpiochip0\", line = 4 }\n[optics]",
+            ),
         ] {
             let other = section(&text.replace(old, new));
             assert!(other != original, "{new}");
@@ -330,6 +373,15 @@ mod tests {
             ("display = { driver = { kind = \"page\", size_mm = [500, nan] } }", "bench.display.size_mm"),
             ("display = { driver = { kind = \"page\", size_mm = [500, 300] }, response_ms = nan }", "response_ms"),
             ("flash = { driver = { kind = \"relay\" }, settling_ms = 20000 }", "bench.flash"),
+            (
+                "interlocks = [{ name = \"\", driver = { kind = \"serial_line\", port = \"/dev/x\" } }]",
+                "interlocks[0].name",
+            ),
+            (
+                "flash = { driver = { kind = \"serial_line\", port = \"/dev/x\" } }\n\
+                 interlocks = [{ name = \"door\", driver = { kind = \"serial_line\", port = \"/dev//x\" } }]",
+                "that of bench.flash",
+            ),
         ] {
             let error = read(text).unwrap_err();
             assert!(error.contains(words), "{error}");

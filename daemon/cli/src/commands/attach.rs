@@ -7,7 +7,8 @@ use nacre_capture::Failure;
 use nacre_drivers::DeviceResult;
 use nacre_sim::Port;
 use nacre_sim::emulators::{
-    Blink1Emulator, BulkEmulator, ByteFault, ByteFaultKind, Pty, RelayEmulator, Served, elliptec, grbl,
+    Blink1Emulator, BulkEmulator, ByteFault, ByteFaultKind, InterlockEmulator, Pty, RelayEmulator, Served, elliptec,
+    grbl,
 };
 use nacre_sim::socket::RemoteBench;
 use std::path::{Path, PathBuf};
@@ -38,7 +39,7 @@ pub struct Args {
 /// Devices to emulate, and their faults.
 #[derive(clap::Args, Default)]
 pub struct Emulated {
-    /// Device kind (elliptec, grbl, relay, blink1 or bulk) and the path of the port or socket to create.
+    /// Device kind (elliptec, grbl, relay, blink1, bulk or interlock) and the path of the port or socket to create.
     #[arg(long = "device", value_name = "KIND=PATH", value_parser = device)]
     devices: Vec<(Kind, PathBuf)>,
     /// Fault to inject after AFTER successful commands, TIMES times: no_answer, half_answer, dropped, garbage, resend,
@@ -58,6 +59,7 @@ enum Kind {
     Relay,
     Blink1,
     Bulk,
+    Interlock,
 }
 
 /// Running emulated devices; dropping the value stops them.
@@ -76,7 +78,10 @@ fn kind(text: &str) -> Result<Kind, String> {
         "relay" => Kind::Relay,
         "blink1" => Kind::Blink1,
         "bulk" => Kind::Bulk,
-        other => return Err(format!("{other:?} cannot be emulated; give elliptec, grbl, relay, blink1 or bulk")),
+        "interlock" => Kind::Interlock,
+        other => {
+            return Err(format!("{other:?} cannot be emulated; give elliptec, grbl, relay, blink1, bulk or interlock"));
+        }
     })
 }
 
@@ -124,6 +129,7 @@ impl Emulated {
                 Kind::Relay => attached.sockets.push(serve(Box::new(RelayEmulator::new(port, *b"NACRE", 1, 1)))?),
                 Kind::Blink1 => attached.sockets.push(serve(Box::new(Blink1Emulator::new(port)))?),
                 Kind::Bulk => attached.sockets.push(serve(Box::new(BulkEmulator::new(port)))?),
+                Kind::Interlock => attached.sockets.push(serve(Box::new(InterlockEmulator::new(port)))?),
             }
         }
         Ok(attached)

@@ -122,13 +122,14 @@ fn described(args: &Args, console: &Console) -> Result<(), Failure> {
     let holder = |id: &str| DeviceLock::holder(id, &socket.as_ref()?.to_string_lossy());
     let devices = list(&found, holder);
     let width = devices.iter().filter_map(|d| d.id.as_ref()).map(|id| id.chars().count()).max().unwrap_or_default();
+    let kinds = devices.iter().map(|d| d.kind.len()).max().unwrap_or_default().max(8);
     let line = |d: &Device| match (&d.id, &d.limits) {
         (Some(id), Some(limits)) => {
             let used = d.used_by.as_ref().map_or_else(String::new, |by| format!("  (used by {by})"));
-            format!("{:8} {id:width$}  {limits}{used}", d.kind)
+            format!("{:kinds$} {id:width$}  {limits}{used}", d.kind)
         }
-        _ if d.configured => format!("{:8} cannot be opened", d.kind),
-        _ => format!("{:8} not configured: there is no [bench.{}]", d.kind, d.kind),
+        _ if d.configured => format!("{:kinds$} cannot be opened", d.kind),
+        _ => format!("{:kinds$} not configured: there is no [bench.{}]", d.kind, d.kind),
     };
     let text: Vec<String> = devices.iter().map(line).collect();
     console.result(&text.join("\n"), &devices);
@@ -147,20 +148,21 @@ fn described(args: &Args, console: &Console) -> Result<(), Failure> {
 
 /// Prints the error of every device that cannot be opened; the last error becomes the command's.
 fn failed(found: Described, console: &Console) -> Result<(), Failure> {
-    let Described { stage, camera, display, flash } = found;
+    let Described { stage, camera, display, flash, interlocks } = found;
     let errors = [
         stage.and_then(Result::err),
         camera.and_then(Result::err),
         display.and_then(Result::err),
         flash.and_then(Result::err),
     ];
-    let mut errors: Vec<DeviceError> = errors.into_iter().flatten().collect();
+    let interlocks = interlocks.into_iter().filter_map(Result::err);
+    let mut errors: Vec<DeviceError> = errors.into_iter().flatten().chain(interlocks).collect();
     let last = errors.pop();
     errors.iter().for_each(|error| console.note(&format!("nacre: {error}")));
     last.map_or(Ok(()), |error| Err(error.into()))
 }
 
-/// Stage, camera, display and flash.
+/// Stage, camera, display, flash and the configured interlocks.
 fn list(found: &Described, holder: impl Fn(&str) -> Option<String>) -> Vec<Device> {
     let device = |kind, told: Option<Result<(String, String), String>>| {
         let configured = told.is_some();
@@ -173,12 +175,18 @@ fn list(found: &Described, holder: impl Fn(&str) -> Option<String>) -> Vec<Devic
         let used_by = id.as_ref().and_then(|id| holder(id));
         Device { kind, configured, id, limits, used_by, error }
     };
-    vec![
+    let mut devices = vec![
         device("stage", told(found.stage.as_ref(), |s| (s.id.clone(), turns(s)))),
         device("camera", told(found.camera.as_ref(), |c| (c.id.clone(), pictures(c)))),
         device("display", told(found.display.as_ref(), |d| (d.id.clone(), size(d)))),
         device("flash", told(found.flash.as_ref(), |f| (f.id.clone(), longest(f)))),
-    ]
+    ];
+    let contact = |closed: bool| if closed { "closed" } else { "open: nothing moves or emits light" };
+    let interlocks = found.interlocks.iter();
+    devices.extend(interlocks.map(|found| {
+        device("interlock", told(Some(found), |(info, closed)| (info.id.clone(), contact(*closed).to_owned())))
+    }));
+    devices
 }
 
 /// Identity and limits of a device, or the error of opening it.

@@ -2,6 +2,7 @@
 //! command opens only the devices that it needs.
 
 use super::bench::BenchArgs;
+use super::care;
 use crate::console::Console;
 use clap::Subcommand;
 use nacre_base::progress::Progress;
@@ -10,13 +11,10 @@ use nacre_capture::Failure;
 use nacre_capture::engine::{BenchController, Control, Input, guarded};
 use nacre_capture::guardian::Guarded;
 use nacre_capture::rig::{Place, Rig, Use, Uses, runtime};
-use nacre_drivers::stage::StageDriver;
-use nacre_drivers::stage::elliptec::Elliptec;
-use nacre_drivers::{DeviceError, Pattern, SystemClock};
+use nacre_drivers::{DeviceError, Pattern};
 use nacre_image::write_png16_gray;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Commands of the analyser's stage.
@@ -171,7 +169,7 @@ pub(super) fn with_controller<T>(
 /// Moves or queries the stage.
 pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
     let bench = match command {
-        Stage::SearchFrequency(bench) | Stage::Clean(bench) => return care(command, bench, console),
+        Stage::SearchFrequency(bench) | Stage::Clean(bench) => return care::run(command, bench, console),
         Stage::Move { bench, .. } | Stage::Home(bench) | Stage::Where(bench) => bench,
     };
     let uses = Uses { stage: Use::Always, ..Uses::NONE };
@@ -199,47 +197,6 @@ pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
         Ok(controller.position().await?)
     })?;
     console.result(&format!("the analyser stands at {angle:.3}°"), &serde_json::json!({ "analyser_deg": angle }));
-    Ok(())
-}
-
-/// Runs the maintenance of an Elliptec stage.
-fn care(command: &Stage, bench: &BenchArgs, console: &Console) -> Result<(), Failure> {
-    let place = bench.place()?;
-    let uses = Uses { stage: Use::Always, ..Uses::NONE };
-    place.require(uses)?;
-    let section = place.section.only(uses);
-    let Some(StageDriver::Elliptec(settings)) = section.stage.as_ref().map(|s| &s.driver) else {
-        let remedy = "describe one as [bench.stage] in nacre.toml";
-        return Err(Error::input("stage", "is no Elliptec stage", remedy).into());
-    };
-    let _locks = section.lock()?;
-    let runtime = runtime()?;
-    let mut stage = Elliptec::open(settings, Arc::new(SystemClock))?;
-    console.stage("the stage looks after itself", 0);
-    runtime.block_on(async {
-        let interrupted = async {
-            hold(console, f64::INFINITY).await;
-        };
-        let work = async {
-            match command {
-                Stage::Clean(_) => stage.clean().await,
-                _ => stage.search_frequency().await,
-            }
-        };
-        let done = tokio::select! {
-            biased;
-            () = interrupted => None,
-            done = work => Some(done),
-        };
-        match done {
-            Some(done) => Ok(done?),
-            None => {
-                nacre_drivers::Stage::halt(&mut stage).await?;
-                Err(Failure::from(Error::Cancelled))
-            }
-        }
-    })?;
-    console.result("done; home the stage before the next session", &serde_json::json!({ "done": true }));
     Ok(())
 }
 
@@ -312,7 +269,12 @@ pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
 pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
     let (FlashCommand::On { bench, .. } | FlashCommand::Off(bench) | FlashCommand::Test(bench)) = command;
     let uses = Uses { flash: Use::Always, ..Uses::NONE };
-    let text = with_controller(&bench.place()?, uses, console, async |controller| {
+    let mut place = bench.place()?;
+    if matches!(command, FlashCommand::Off(_)) {
+        // An open or missing interlock must not keep the light on.
+        place.section.interlocks.clear();
+    }
+    let text = with_controller(&place, uses, console, async |controller| {
         let longest = controller.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
         match command {
             FlashCommand::Off(_) => {
@@ -375,7 +337,7 @@ pub fn show(args: &Show, console: &Console) -> Result<(), Failure> {
 }
 
 /// Waits for `seconds`, or until Ctrl-C, which is the regular end and no failure.
-async fn hold(console: &Console, seconds: f64) {
+pub(super) async fn hold(console: &Console, seconds: f64) {
     let begun = Instant::now();
     while begun.elapsed().as_secs_f64() < seconds && !console.cancelled() {
         tokio::time::sleep(Duration::from_millis(20)).await;

@@ -6,6 +6,7 @@ pub mod brdf;
 pub mod calibrate;
 pub mod calibrations;
 pub mod capture;
+mod care;
 pub mod catalogue;
 pub mod chart;
 pub mod check;

@@ -29,6 +29,12 @@ pub fn switch(channel: u8, on: bool) -> [u8; 9] {
     [0, if on { ON } else { OFF }, channel, 0, 0, 0, 0, 0, 0]
 }
 
+/// The output report that switches one channel, counted from 1, of a relay without a status report.
+pub fn switch_blind(channel: u8, on: bool) -> [u8; 9] {
+    let command = if on { 0xf0 } else { 0x00 } | channel & 0x0f;
+    [0, command, 0, 0, 0, 0, 0, 0, 0]
+}
+
 /// Parses a status report; `None` if it is invalid. The serial number replaces the report ID.
 pub fn status(report: &[u8]) -> Option<Status> {
     let [serial @ .., 0, _, on] = <&[u8; STATUS_LENGTH]>::try_from(report).ok()? else { return None };
@@ -67,6 +73,8 @@ mod tests {
         assert_eq!((status.serial.as_str(), status.is_on(1), status.is_on(2)), ("BITFT", false, true));
         assert_eq!(channels("www.dcttech.com USBRelay2"), Some(2));
         assert_eq!(channels("USBRelay99"), None);
+        assert_eq!(switch_blind(1, true)[..2], [0, 0xf1]);
+        assert_eq!(switch_blind(9, false)[..2], [0, 0x09]);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! homing by this program, and only while each movement ends as the protocol specifies. After any other event the next
 //! movement homes first. For the same reason the driver repeats queries, but not movements.
 
+mod bus;
 mod errors;
 pub mod protocol;
 mod settings;
@@ -85,7 +86,7 @@ impl Elliptec {
         Ok(stage)
     }
 
-    async fn identify(&mut self) -> DeviceResult<()> {
+    async fn identify_module(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "identify itself";
         // The stage may still be moving on behalf of a previous program; an old error is reported once.
         match self.idle(WHAT, self.longest_move()).await {

@@ -48,6 +48,29 @@ fn a_linear_stage_is_refused_by_name() {
 }
 
 #[test]
+fn a_silent_address_is_answered_by_the_modules_on_the_bus() {
+    let silent = [("2gs", ""); 4];
+    let scan: Vec<(String, &str)> = "013456789ABCDEF"
+        .chars()
+        .map(|digit| {
+            let answer = match digit {
+                '0' => "0IN0E1140051720231701016800023000\r\n",
+                'A' => "AIN091140051820231701001F00000400\r\n",
+                _ => "",
+            };
+            (format!("{digit}in"), answer)
+        })
+        .collect();
+    let steps: Vec<(&str, &str)> =
+        silent.into_iter().chain(scan.iter().map(|(sent, answer)| (sent.as_str(), *answer))).collect();
+    let error = open(&steps).err().unwrap();
+    assert!(error.class == Class::Setup && error.got.contains("nothing within"), "{error}");
+    let remedy =
+        "this bus has ELL14 s/n 11400517 at address 0; ELL9 (a slider of four positions) s/n 11400518 at address A";
+    assert!(error.remedy.contains(remedy), "{error}");
+}
+
+#[test]
 fn a_move_is_over_when_it_says_so_and_not_sooner() {
     let mut stage = homed(&[
         AT_ZERO,

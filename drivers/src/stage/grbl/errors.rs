@@ -5,6 +5,12 @@ use super::protocol::{State, alarm_name, error_name};
 use crate::stage::zero::Zero;
 use crate::{Class, DeviceError};
 
+/// Alarm of a target beyond the soft limits.
+const SOFT_LIMIT: u8 = 2;
+
+/// Number of the controller's setting with the travel of X; the other axes follow.
+const TRAVEL_OF_X: usize = 130;
+
 impl Grbl {
     pub(super) fn error(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
         DeviceError::new(self.lines.device(), what, expected, got)
@@ -47,7 +53,14 @@ impl Grbl {
             Some(code) => format!("alarm {code} ({})", alarm_name(code)),
             None => "a state of alarm".into(),
         };
-        let remedy = "see that nothing is in its way; home it, or unlock it with $X if it cannot home, then resume";
+        let remedy = match code {
+            Some(SOFT_LIMIT) => format!(
+                "narrow limits_deg of the stage to the travel of the controller (${}), or enlarge that travel or switch \
+                 soft limits off ($20=0); then home it and resume",
+                TRAVEL_OF_X + self.settings.axis.index()
+            ),
+            _ => "see that nothing is in its way; home it, or unlock it with $X if it cannot home, then resume".into(),
+        };
         self.error(what, "no alarm", got).remedy(remedy)
     }
 

@@ -98,6 +98,12 @@ fn alarms_errors_and_states_are_named() {
 }
 
 #[test]
+fn soft_limits_are_remedied_by_the_settings_of_the_axis() {
+    let error = wait(homed(&[IDLE_0, (GO, "ALARM:2\r\n")]).move_to(90.0)).unwrap_err();
+    assert!(["limits_deg", "$133", "$20=0"].iter().all(|word| error.remedy.contains(word)), "{error}");
+}
+
+#[test]
 fn a_restart_between_two_calls_is_noticed() {
     let mut stage = homed(&[("?", "\r\nGrbl 1.1h ['$' for help]\r\n<Idle|MPos:0.000,0.000,0.000,0.000>\r\n")]);
     let error = wait(stage.move_to(90.0)).unwrap_err();
