@@ -3,7 +3,7 @@
 //! Devices without access rights are listed together with a remedy.
 
 mod access;
-mod genicam;
+pub(crate) mod genicam;
 pub mod gvcp;
 mod hid;
 mod routes;

@@ -71,7 +71,7 @@ pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> Devi
             let remedy = "plug it in, or correct `port` in the flash's settings; `nacre devices --all` lists ports";
             return Err(cannot("no such port".into()).remedy(remedy));
         }
-        Access::Open | Access::NotNeeded => {}
+        Access::Open | Access::InUse { .. } | Access::NotNeeded => {}
     }
     // Not exclusive: a guardian reopens the port while it still holds the old link, to ensure that the light is off.
     let port = serialport::new(&settings.port, BAUD)

@@ -54,7 +54,7 @@ pub(super) fn open(device: &str, settings: &Settings) -> DeviceResult<Box<dyn In
             let remedy = "plug it in, or correct `chip` in the interlock's settings; `ls /dev/gpiochip*` lists chips";
             return Err(cannot("no such chip".into()).remedy(remedy));
         }
-        Access::Open | Access::NotNeeded => {}
+        Access::Open | Access::InUse { .. } | Access::NotNeeded => {}
     }
     let pull = match settings.bias {
         Bias::PullDown => Pull::PullDown,

@@ -73,7 +73,7 @@ pub(super) fn open(device: &str, settings: &Settings) -> DeviceResult<Box<dyn In
             let remedy = "plug it in, or correct `port` in the interlock's settings; `nacre devices --all` lists ports";
             return Err(cannot("no such port".into()).remedy(remedy));
         }
-        Access::Open | Access::NotNeeded => {}
+        Access::Open | Access::InUse { .. } | Access::NotNeeded => {}
     }
     // Not exclusive: several programs may read one interlock.
     let opened = serialport::new(port, 9600).exclusive(false).timeout(Duration::from_millis(100)).open_native();

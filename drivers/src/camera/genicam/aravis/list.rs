@@ -34,8 +34,8 @@ pub fn library() -> Result<(), String> {
     ffi::load()
 }
 
-/// Looks for cameras on USB only where one is connected: for them, the library keeps a thread and files until the end of
-/// the process.
+/// Looks for cameras on USB only where one is connected: for them, the library keeps a thread and files until the
+/// process ends.
 pub(super) fn choose_interfaces() {
     let usb = c"USB3Vision".as_ptr();
     let connected = has_usb3_vision(&Root::default());
