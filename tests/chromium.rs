@@ -75,6 +75,10 @@ impl Browser {
 
     /// Sends a request of the protocol within this session.
     pub fn call(&self, method: &str, path: &str, body: &Value) -> Value {
+        self.ask(method, path, body).expect(200).json()["value"].clone()
+    }
+
+    fn ask(&self, method: &str, path: &str, body: &Value) -> Answer {
         let path = format!("/session{}{path}", self.session);
         let body = if method == "POST" { body.to_string() } else { String::new() };
         let head = format!(
@@ -82,8 +86,7 @@ impl Browser {
             self.address,
             body.len()
         );
-        let answer: Answer = exchange(self.address, head.as_bytes(), PATIENCE);
-        answer.expect(200).json()["value"].clone()
+        exchange(self.address, head.as_bytes(), PATIENCE)
     }
 
     /// Opens an address.
@@ -110,16 +113,32 @@ impl Browser {
 
     /// Clicks as a person does: the element must exist and be reachable.
     pub fn click(&self, css: &str) {
-        self.until(&format!("document.querySelector('{css}') && !document.querySelector('{css}').disabled"));
-        // Not under the head of the page, which stays where it is.
-        self.run(&format!("document.querySelector('{css}').scrollIntoView({{ block: 'center' }})"));
-        self.call("POST", &format!("/element/{}/click", self.element(css)), &json!({}));
+        let begun = Instant::now();
+        loop {
+            self.until(&format!("document.querySelector('{css}') && !document.querySelector('{css}').disabled"));
+            // Not under the head of the page, which stays where it is.
+            self.run(&format!("document.querySelector('{css}')?.scrollIntoView({{ block: 'center' }})"));
+            let found = self.ask("POST", "/element", &json!({ "using": "css selector", "value": css }));
+            let clicked = match found.status {
+                200 => self.ask("POST", &format!("/element/{}/click", reference(&found.json()["value"])), &json!({})),
+                _ => found,
+            };
+            // The page may replace the element in the meantime.
+            let replaced = ["stale element reference", "no such element"].map(Value::from);
+            if clicked.status == 404
+                && replaced.contains(&clicked.json()["value"]["error"])
+                && begun.elapsed() < PATIENCE
+            {
+                continue;
+            }
+            clicked.expect(200);
+            return;
+        }
     }
 
     /// Reference of an element in the protocol.
     pub fn element(&self, css: &str) -> String {
-        let found = self.call("POST", "/element", &json!({ "using": "css selector", "value": css }));
-        found.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned()
+        reference(&self.call("POST", "/element", &json!({ "using": "css selector", "value": css })))
     }
 
     /// Selects from a list.
@@ -242,4 +261,9 @@ fn decoded(text: &str) -> Vec<u8> {
         bits.to_be_bytes()[1..group.len()].to_vec()
     };
     clean.chunks(4).flat_map(four).collect()
+}
+
+/// The reference in the protocol's description of an element.
+fn reference(element: &Value) -> String {
+    element.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned()
 }

@@ -28,7 +28,7 @@ Examples:
   nacre reconstruct polarization session --out result --contrast-period 1.2:3 --depth-um 0.1
   nacre reconstruct polarization session --out result --relative-period 0.7:2
 
-The model plain writes stokes.exr (S0 S1 S2 sigma), aolp.exr (aolp dolp sigma sigma_dolp mask
+The model plain writes stokes.exr (S0 S1 S2 sigma_S0), aolp.exr (aolp dolp sigma sigma_dolp mask
 correlation), aolp.png, dolp.png, sigma.png and report.json. Models of gratings write
 orientation.exr (orientation sigma mask correlation) and orientation.png (smoothed) in place of
 aolp.png; with periods also period.exr (period sigma mask) and period.png. Orientations are

@@ -39,8 +39,8 @@ impl Writer<'_> {
     pub fn light(&self, maps: &StokesMaps, noise: &LightNoise) -> Result<()> {
         let (width, size) = (maps.width, [maps.width, maps.height]);
         let covariance = Covariance::new(noise.design, noise.frames, &maps.covariance);
-        let units = self.attributes(width, "linear value / (exposure s * gain); sigma: of S0");
-        self.exr("stokes.exr", size, &["S0", "S1", "S2", "sigma"], &units, &|c, y, row| match c {
+        let units = self.attributes(width, "linear value / (exposure s * gain)");
+        self.exr("stokes.exr", size, &["S0", "S1", "S2", "sigma_S0"], &units, &|c, y, row| match c {
             0..3 => copy([&maps.s0, &maps.s1, &maps.s2][c], y, row),
             _ => {
                 for (i, out) in (y * width..).zip(row) {

@@ -195,7 +195,7 @@ fn sigma_of_intensities_is_their_scatter() {
         reconstruct(folder.path(), &path("out"), &Options::default(), &Silent).unwrap();
         let (stokes, aolp) = (read_exr(&path("out/stokes.exr")).unwrap(), read_exr(&path("out/aolp.exr")).unwrap());
         for (name, values, sigmas) in [
-            ("S0", &stokes.channels["S0"], &stokes.channels["sigma"]),
+            ("S0", &stokes.channels["S0"], &stokes.channels["sigma_S0"]),
             ("DoLP", &aolp.channels["dolp"], &aolp.channels["sigma_dolp"]),
         ] {
             // Columns of much and of little light.
