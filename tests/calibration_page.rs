@@ -80,6 +80,18 @@ impl Page {
         self.visit(&hash);
     }
 
+    /// Takes both series of a calibration, the second one on another bench, and computes the result.
+    fn two_series(&mut self, place: &Place, kind: &str, second: &str) {
+        self.visit(&format!("calibration/{kind}"));
+        self.light();
+        self.take("first");
+        self.on_another_bench(place, second);
+        self.browser.until("document.querySelector('#take-second')?.checkVisibility()");
+        self.take("second");
+        self.browser.until("document.querySelector('#compute').checkVisibility()");
+        self.browser.click("#compute");
+    }
+
     /// Stores the result, and returns the stored calibration.
     fn keep(&self) -> Value {
         self.browser.until("document.querySelector('#keep')");
@@ -168,14 +180,7 @@ fn the_retarder_is_calibrated_and_stored() {
 fn the_analyser_is_calibrated_with_both_sides_and_stored() {
     let place = Place::with_bench("", POLARIZER);
     let Some(mut page) = page(POLARIZER, &place) else { return };
-    page.visit("calibration/analyser");
-    page.light();
-    page.take("first");
-    page.on_another_bench(&place, &POLARIZER.replace("turn_deg = 20", "turn_deg = -20"));
-    page.browser.until("document.querySelector('#take-second')?.checkVisibility()");
-    page.take("second");
-    page.browser.until("document.querySelector('#compute').checkVisibility()");
-    page.browser.click("#compute");
+    page.two_series(&place, "analyser", &POLARIZER.replace("turn_deg = 20", "turn_deg = -20"));
     page.says("#calibration-result", "Zero");
     page.browser.both("calibration-analyser-result");
     let kept = page.keep();
@@ -189,14 +194,7 @@ fn the_analyser_is_calibrated_with_both_sides_and_stored() {
 fn the_retarder_is_calibrated_with_the_film_removed() {
     let place = Place::with_bench("", FILM);
     let Some(mut page) = page(FILM, &place) else { return };
-    page.visit("calibration/retarder");
-    page.light();
-    page.take("first");
-    page.on_another_bench(&place, &FILM.replace("retardance_deg = 84", "retardance_deg = 0"));
-    page.browser.until("document.querySelector('#take-second')?.checkVisibility()");
-    page.take("second");
-    page.browser.until("document.querySelector('#compute').checkVisibility()");
-    page.browser.click("#compute");
+    page.two_series(&place, "retarder", &FILM.replace("retardance_deg = 84", "retardance_deg = 0"));
     page.says("#calibration-result", "Retardance");
     let film = page.keep()["values"]["retarder"].clone();
     let off = |key: &str, truth: f64| (film[key].as_f64().unwrap() - truth).abs();

@@ -181,7 +181,8 @@ fn a_camera_that_is_unplugged_and_returns_completes_the_session() {
     if !alone("a_camera_that_is_unplugged_and_returns_completes_the_session") {
         return;
     }
-    for step in steps() {
+    let (mut left, mut tries) = (steps(), 0);
+    while let Some(step) = left.pop() {
         let mut simulator = Some(Simulator::start());
         let bench = Bench::start();
         let page = bench.page();
@@ -192,7 +193,13 @@ fn a_camera_that_is_unplugged_and_returns_completes_the_session() {
         let begun = Instant::now();
         let stopped = bench.service.until(&base, |s| s["error"].is_string() || s["state"] == "finished");
         println!("step {step}: {} after {:?}", stopped["error"], begun.elapsed());
-        assert!(stopped["error"].is_string(), "the session was faster than the plug");
+        if !stopped["error"].is_string() {
+            // On a busy machine, the session may end before the camera is gone.
+            tries += 1;
+            assert!(tries < 20, "sessions always end first");
+            left.push(step);
+            continue;
+        }
         let told = stopped["error"].as_str().unwrap();
         assert!(told.contains("Aravis") && told.contains(&serial()), "{told}");
         assert!(begun.elapsed() < NEVER);

@@ -1,7 +1,7 @@
 //! HID devices at the report level: on a device node, or on the socket of an emulated device (see
 //! [`crate::socket_transport`]).
 
-use crate::discovery::{Access, HidNode, Root, check, hid_nodes};
+use crate::discovery::{HidNode, Root, hid_nodes, require};
 use crate::socket_transport::{self, SocketTransport, Transfer};
 use crate::{Class, DeviceError, DeviceResult};
 use std::ffi::CString;
@@ -44,14 +44,8 @@ pub fn open(device: &str, path: &str) -> DeviceResult<Box<dyn Reports>> {
         })?;
         return Ok(Box::new(Socket { transport, device: device.into() }));
     }
-    match check(&Root::default(), Path::new(path)) {
-        Access::Denied { remedy } => return Err(cannot_open(device, path, "no permission".into()).remedy(remedy)),
-        Access::NoNode { .. } => {
-            let remedy = "plug the device in, or correct `path`; `nacre devices` lists what is there";
-            return Err(cannot_open(device, path, "no such node".into()).remedy(remedy));
-        }
-        Access::Open | Access::InUse { .. } | Access::NotNeeded => {}
-    }
+    let missing = "plug the device in, or correct `path`; `nacre devices` lists devices";
+    require(path, missing, |got| cannot_open(device, path, got))?;
     let refuse = |got: String| cannot_open(device, path, got).remedy("give the path of a hidraw node");
     let name = CString::new(path).map_err(|e| refuse(e.to_string()))?;
     let api = hidapi::HidApi::new().map_err(|e| refuse(e.to_string()))?;

@@ -110,8 +110,9 @@ fn frames_arrive_in_order_as_configured() {
         assert!(is_diagonal(second) && first.codes != second.codes);
         assert!(second.stamp.sequence > first.stamp.sequence && second.stamp.timestamp > first.stamp.timestamp);
     }
+    // A wrong conversion of the camera's clock would be off by far more than a busy machine delays frames.
     let age = SystemClock.now() - frames[9].stamp.timestamp;
-    assert!(age < MS * 2000, "{age:?}");
+    assert!(age < MS * 60_000, "{age:?}");
     // Queued frames are seen through.
     std::thread::sleep(MS * 300);
     let fresh = Freshness { steady_since: SystemClock.now(), first_sequence: 0, duration: MS * 20 };

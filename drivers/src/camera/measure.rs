@@ -14,7 +14,7 @@ const SETTLED: u32 = 10;
 const TOGGLES: u32 = 6;
 /// Averaged frames per exposure.
 const AVERAGED: u32 = 3;
-/// Tolerated frames with a passing failure. Each may take several seconds.
+/// Tolerated incomplete or late frames. Each may take several seconds.
 const FAILURES: u32 = 5;
 /// Largest deviation from the line, relative to the line's level, for which a camera counts as linear.
 pub const LINEARITY: f64 = 0.02;
@@ -169,18 +169,24 @@ async fn average(camera: &mut dyn Camera) -> DeviceResult<f64> {
     Ok(sum / f64::from(AVERAGED))
 }
 
+/// The next frame. Incomplete and late ones are skipped and counted, up to five in all.
+///
+/// # Errors
+/// As the camera.
+pub async fn next_frame(camera: &mut dyn Camera, fresh: Freshness, failures: &mut u32) -> DeviceResult<Frame> {
+    loop {
+        match camera.next_frame(fresh).await {
+            Err(e) if e.class == Class::Retry && *failures < FAILURES => *failures += 1,
+            frame => return frame,
+        }
+    }
+}
+
 /// Takes an undamaged frame with its codes.
 async fn whole_frame(camera: &mut dyn Camera) -> DeviceResult<Frame> {
     let mut failures = 0;
     for _ in 0..WATCHED {
-        let frame = match camera.next_frame(Freshness::default()).await {
-            // An incomplete frame, or one that is late.
-            Err(e) if e.class == Class::Retry && failures < FAILURES => {
-                failures += 1;
-                continue;
-            }
-            frame => frame?,
-        };
+        let frame = next_frame(camera, Freshness::default(), &mut failures).await?;
         if !frame.damaged && !frame.codes.is_empty() {
             return Ok(frame);
         }

@@ -5,10 +5,11 @@ pub mod measure;
 pub mod pfnc;
 pub mod v4l2;
 
-use crate::{Camera, Clock, DeviceResult};
+use crate::{Camera, Class, Clock, DeviceError, DeviceResult};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// The camera of a bench.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -28,6 +29,16 @@ pub enum CameraDriver {
     V4l2(v4l2::Settings),
     /// A GenICam camera: GigE Vision, USB3 Vision.
     Genicam(genicam::Settings),
+}
+
+/// Answer of a camera without a shutter to [`Camera::cover`](crate::Camera::cover).
+pub(crate) fn without_shutter(id: &str, closed: bool, now: Duration) -> DeviceResult<Duration> {
+    if !closed {
+        return Ok(now);
+    }
+    Err(DeviceError::new(id, "close the shutter", "a shutter", "a camera without one")
+        .remedy("put the lens cap on")
+        .class(Class::Setup))
 }
 
 impl CameraConfig {

@@ -1,6 +1,7 @@
 //! Access rights of this process to a device, and remedies for missing rights.
 
 use super::sysfs::{Root, text};
+use crate::{DeviceError, DeviceResult};
 use rustix::fs::Access as Mode;
 use serde::{Deserialize, Serialize};
 use std::os::unix::fs::MetadataExt;
@@ -49,6 +50,18 @@ pub fn check(root: &Root, node: &Path) -> Access {
             Access::NoNode { remedy: format!("make {} visible in the container (docker run --device)", node.display()) }
         }
         Err(_) => Access::Denied { remedy: remedy(node, group(root, node).as_deref()) },
+    }
+}
+
+/// Refuses a node that is missing, with the remedy `missing`, or that this process may not open.
+///
+/// # Errors
+/// As `cannot` makes them.
+pub fn require(node: &str, missing: &str, cannot: impl Fn(String) -> DeviceError) -> DeviceResult<()> {
+    match check(&Root::default(), Path::new(node)) {
+        Access::Denied { remedy } => Err(cannot("no permission".into()).remedy(remedy)),
+        Access::NoNode { .. } => Err(cannot("no such device".into()).remedy(missing)),
+        Access::Open | Access::InUse { .. } | Access::NotNeeded => Ok(()),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Control protocol of GigE Vision (GVCP), as far as discovery needs it: who controls a camera.
+//! GigE Vision Control Protocol (GVCP): reads the register that states whether a program controls a camera.
 
 use std::io;
 use std::net::{Ipv4Addr, UdpSocket};

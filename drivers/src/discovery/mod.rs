@@ -15,7 +15,7 @@ pub mod uevent;
 mod usb;
 mod video;
 
-pub use access::{Access, RULES_PATH, remedy};
+pub use access::{Access, RULES_PATH, remedy, require};
 pub use genicam::NetworkCamera;
 pub use hid::{HidNode, hid_nodes};
 pub use rules::udev_rules;

@@ -1,17 +1,16 @@
 //! A lamp behind an LCUS relay board: a CH340 adapter and one to eight relays, switched by four bytes at 9600 baud.
 //!
-//! Boards differ in whether they report their state, so the state is the commanded one, not read back; the flash's
-//! identity says so. Each check of the state sends the command again, which fails if the board is gone. The relay keeps
+//! Only some boards report their state, so the driver does not read it: the stated one is the commanded one, and the
+//! flash's identity says so. Each check of the state sends the command again, which fails if the board is gone. The relay keeps
 //! its state when the computer fails.
 
 use super::lamp::{Lamp, Switchable, Timing};
-use crate::discovery::{Access, Root, check};
+use crate::discovery::require;
 use crate::{Class, Clock, DeviceError, DeviceResult, Flash};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serialport::TTYPort;
 use std::io::Write;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -65,14 +64,8 @@ pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> Devi
     let cannot = |got: String| {
         DeviceError::new("flash", format!("open {}", settings.port), "a serial port", got).class(Class::Setup)
     };
-    match check(&Root::default(), Path::new(&settings.port)) {
-        Access::Denied { remedy } => return Err(cannot("no permission".into()).remedy(remedy)),
-        Access::NoNode { .. } => {
-            let remedy = "plug it in, or correct `port` in the flash's settings; `nacre devices --all` lists ports";
-            return Err(cannot("no such port".into()).remedy(remedy));
-        }
-        Access::Open | Access::InUse { .. } | Access::NotNeeded => {}
-    }
+    let missing = "plug it in, or correct `port` in the flash's settings; `nacre devices --all` lists ports";
+    require(&settings.port, missing, cannot)?;
     // Not exclusive: a guardian reopens the port while it still holds the old link, to ensure that the light is off.
     let port = serialport::new(&settings.port, BAUD)
         .exclusive(false)

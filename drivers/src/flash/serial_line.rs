@@ -12,7 +12,7 @@
 //! from resetting.
 
 use super::lamp::{Lamp, Switchable, Timing};
-use crate::discovery::{Access, Root, check};
+use crate::discovery::require;
 use crate::{Class, Clock, DeviceError, DeviceResult, Flash};
 use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 use schemars::JsonSchema;
@@ -54,14 +54,8 @@ pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> Devi
     let cannot = |got: String| {
         DeviceError::new("flash", format!("open {}", settings.port), "a serial port", got).class(Class::Setup)
     };
-    match check(&Root::default(), Path::new(&settings.port)) {
-        Access::Denied { remedy } => return Err(cannot("no permission".into()).remedy(remedy)),
-        Access::NoNode { .. } => {
-            let remedy = "plug it in, or correct `port` in the flash's settings; `nacre devices` lists what is there";
-            return Err(cannot("no such port".into()).remedy(remedy));
-        }
-        Access::Open | Access::InUse { .. } | Access::NotNeeded => {}
-    }
+    let missing = "plug it in, or correct `port` in the flash's settings; `nacre devices --all` lists ports";
+    require(&settings.port, missing, cannot)?;
     // Not exclusive: a guardian reopens the port while it still holds the old link, to ensure that the light is off.
     let port = serialport::new(&settings.port, 9600)
         .dtr_on_open(false)

@@ -4,13 +4,12 @@
 //! the line, which the chip pulls down. A broken wire reads as low, which means open.
 
 use super::Input;
-use crate::discovery::{Access, Root, check};
+use crate::discovery::require;
 use crate::{Class, DeviceError, DeviceResult};
 use gpiocdev::Request;
 use gpiocdev::line::{Bias as Pull, Value};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
 
 /// A GPIO chip and its line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -48,14 +47,8 @@ impl Settings {
 pub(super) fn open(device: &str, settings: &Settings) -> DeviceResult<Box<dyn Input>> {
     let chip = &settings.chip;
     let cannot = |got: String| DeviceError::new(device, format!("open {chip}"), "a GPIO line", got).class(Class::Setup);
-    match check(&Root::default(), Path::new(chip)) {
-        Access::Denied { remedy } => return Err(cannot("no permission".into()).remedy(remedy)),
-        Access::NoNode { .. } => {
-            let remedy = "plug it in, or correct `chip` in the interlock's settings; `ls /dev/gpiochip*` lists chips";
-            return Err(cannot("no such chip".into()).remedy(remedy));
-        }
-        Access::Open | Access::InUse { .. } | Access::NotNeeded => {}
-    }
+    let missing = "plug it in, or correct `chip` in the interlock's settings; `ls /dev/gpiochip*` lists chips";
+    require(chip, missing, cannot)?;
     let pull = match settings.bias {
         Bias::PullDown => Pull::PullDown,
         Bias::PullUp => Pull::PullUp,

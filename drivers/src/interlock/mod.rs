@@ -34,7 +34,7 @@ pub struct InterlockConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InputLevel {
-    /// Inactive: a modem line that is not asserted, 0 V on a GPIO line, a bit that is 0.
+    /// Inactive: a cleared modem line, 0 V on a GPIO line, a bit of 0.
     #[default]
     Low,
     /// Active.

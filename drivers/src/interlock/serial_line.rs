@@ -5,12 +5,11 @@
 //! adapters.
 
 use super::Input;
-use crate::discovery::{Access, Root, check};
+use crate::discovery::require;
 use crate::{Class, DeviceError, DeviceResult};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serialport::{SerialPort, TTYPort};
-use std::path::Path;
 use std::time::Duration;
 
 /// A serial port and its lines.
@@ -67,14 +66,8 @@ pub(super) fn open(device: &str, settings: &Settings) -> DeviceResult<Box<dyn In
     let port = &settings.port;
     let cannot =
         |got: String| DeviceError::new(device, format!("open {port}"), "a serial port", got).class(Class::Setup);
-    match check(&Root::default(), Path::new(port)) {
-        Access::Denied { remedy } => return Err(cannot("no permission".into()).remedy(remedy)),
-        Access::NoNode { .. } => {
-            let remedy = "plug it in, or correct `port` in the interlock's settings; `nacre devices --all` lists ports";
-            return Err(cannot("no such port".into()).remedy(remedy));
-        }
-        Access::Open | Access::InUse { .. } | Access::NotNeeded => {}
-    }
+    let missing = "plug it in, or correct `port` in the interlock's settings; `nacre devices --all` lists ports";
+    require(port, missing, cannot)?;
     // Not exclusive: several programs may read one interlock.
     let opened = serialport::new(port, 9600).exclusive(false).timeout(Duration::from_millis(100)).open_native();
     let mut opened = opened.map_err(|e| cannot(e.to_string()).remedy("correct `port` in the interlock's settings"))?;

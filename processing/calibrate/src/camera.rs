@@ -22,7 +22,7 @@ const HALF: f64 = 0.5;
 /// Largest deviation from proportionality that needs no warning.
 const LINEAR: f64 = 0.01;
 
-/// Deviation from proportionality before correction that no sensor has: files with a tone curve.
+/// Mean deviation of file values from proportionality above which the files have a tone curve: sensors stay below.
 const ENCODED: f64 = 0.05;
 
 /// Variance of darkness in DN² below which the quantisation hides the read noise (EMVA 1288).
@@ -173,8 +173,7 @@ struct Noise {
     black: Vec<Level>,
 }
 
-/// Photon transfer of a series. If values are not proportional to light, they are measured again as those of a linear
-/// camera.
+/// Photon transfer of a series. For a nonlinear camera, it is measured again on corrected values.
 fn noise(lit: &Series, dark: &Series, channel: usize, progress: &dyn Progress) -> Result<Noise> {
     progress.stage("measuring noise", (lit.count() + dark.count()) as u64);
     let levels = |series: &Series, response: &Response| {

@@ -30,8 +30,8 @@ pub struct Report {
     /// Photon transfer.
     #[serde(flatten)]
     pub transfer: PhotonTransfer,
-    /// Response of a camera that is not linear. Its photon transfer is that of corrected values: those in DN that a
-    /// linear camera of the same gain for little light would give.
+    /// Response of a nonlinear camera; absent for a linear one. With it, all values in DN are corrected ones: they are
+    /// proportional to light, with the camera's gain at low light.
     pub response: Option<Response>,
     /// Differences between pixels.
     pub spatial: Spatial,

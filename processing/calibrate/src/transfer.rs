@@ -77,8 +77,8 @@ impl Level {
     }
 }
 
-/// Measures a group by the differences of its photographs in pairs, of which two are in memory. Values are those of a
-/// linear camera.
+/// Measures a group by the differences of its photographs in pairs, of which two are in memory. Values are corrected by
+/// the response.
 ///
 /// Pixels are selected by the sum of a pair, which is independent of their difference. Those above `FITTED` of white
 /// are left out, unless nearly all are.

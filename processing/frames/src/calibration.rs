@@ -57,7 +57,7 @@ pub struct CameraCalibration {
     pub white: f64,
     /// Gain of the photographs relative to the camera's base.
     pub gain: f64,
-    /// Coefficients of the `transfer` polynomial of a camera that is not linear.
+    /// Coefficients of the `transfer` polynomial; absent for a linear camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub response: Option<[f64; 3]>,
 }

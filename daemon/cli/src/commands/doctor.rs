@@ -4,8 +4,7 @@ use crate::console::Console;
 use nacre_base::Error;
 use nacre_base::estimate::Machine;
 use nacre_capture::Failure;
-use nacre_drivers::camera::genicam::aravis::list::library;
-use nacre_drivers::camera::v4l2;
+use nacre_drivers::camera::{genicam, v4l2};
 use nacre_drivers::discovery::Root;
 use nacre_drivers::doctor::{Check, Health, examine};
 use std::fmt::Write;
@@ -33,7 +32,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     }
     let mut checks = examine(&Root::default(), &args.data);
     let install = "for GenICam, install aravis 0.8 (Debian: libaravis-0.8-0)";
-    let (ok, found, remedy) = match (v4l2::SUPPORTED, library().is_ok()) {
+    let (ok, found, remedy) = match (v4l2::SUPPORTED, genicam::load().is_ok()) {
         (true, true) => (Health::Ok, "V4L2 and GenICam can be used", None),
         (false, true) => (Health::Ok, "GenICam can be used, V4L2 not on this system", None),
         (true, false) => {

@@ -11,7 +11,7 @@ use nacre_capture::setup::BenchSection;
 use nacre_drivers::camera::{CameraConfig, measure};
 use nacre_drivers::discovery::{Kind, Root, discover};
 use nacre_drivers::display::desktop_warnings;
-use nacre_drivers::{Camera, CameraHandle, Class, Clock, Frame, Freshness, Patience, SystemClock};
+use nacre_drivers::{Camera, CameraHandle, Clock, Frame, Freshness, Patience, SystemClock};
 use nacre_image::{write_png16_gray, write_whole};
 use nacre_service::config::Config;
 use serde::de::DeserializeOwned;
@@ -64,8 +64,6 @@ struct Trial {
 
 /// Exposure of the trial frame.
 const EXPOSURE: Duration = Duration::from_millis(10);
-/// Tolerated trial frames with a passing failure, such as lost packets.
-const FAILURES: u32 = 5;
 
 /// Detects the devices, captures one trial frame and writes a configuration.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
@@ -208,13 +206,7 @@ async fn first_frame(camera: &mut CameraHandle) -> Result<Frame, Failure> {
     let mut fresh = Freshness { steady_since: controls.set_at, first_sequence: 0, duration };
     let mut failures = 0;
     for _ in 0..20 + info.control_lag_frames {
-        let frame = match camera.next_frame(fresh).await {
-            Err(e) if e.class == Class::Retry && failures < FAILURES => {
-                failures += 1;
-                continue;
-            }
-            frame => frame?,
-        };
+        let frame = measure::next_frame(camera, fresh, &mut failures).await?;
         if fresh.first_sequence == 0 {
             let first = Freshness::first_with_controls(frame.stamp, controls.set_at, info.control_lag_frames);
             fresh.first_sequence = first.unwrap_or(0);

@@ -6,7 +6,8 @@ use super::open::Opened;
 use super::settings::{GainUnit, Settings, Timestamps, Trigger};
 use super::stamps::{Counter, DeviceClock};
 use crate::camera::pfnc::Picture;
-use crate::{Camera, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, Frame, Freshness, Stamp};
+use crate::camera::without_shutter;
+use crate::{Camera, CameraInfo, Clock, Controls, DeviceError, DeviceResult, Frame, Freshness, Stamp};
 use async_trait::async_trait;
 use std::sync::Arc;
 use std::time::Duration;
@@ -169,12 +170,7 @@ impl Camera for GenicamCamera {
     }
 
     async fn cover(&mut self, closed: bool) -> DeviceResult<Duration> {
-        if !closed {
-            return Ok(self.clock.now());
-        }
-        Err(DeviceError::new(&self.info.id, "close the shutter", "a shutter", "a camera without one")
-            .remedy("put the lens cap on")
-            .class(Class::Setup))
+        without_shutter(&self.info.id, closed, self.clock.now())
     }
 
     async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame> {

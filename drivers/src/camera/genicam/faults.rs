@@ -49,7 +49,7 @@ pub fn defect(status: Status) -> Option<&'static str> {
     }
 }
 
-/// Error of an incomplete frame. `packet_size` is `None` for a camera that is not on a network.
+/// Error of an incomplete frame. `packet_size` is `None` for USB cameras.
 pub fn incomplete(id: &str, defect: &str, packets: Packets, packet_size: Option<u32>) -> DeviceError {
     let Packets { received, missing, .. } = packets;
     let share = missing as f64 / (received + missing).max(1) as f64;

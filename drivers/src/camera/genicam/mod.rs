@@ -15,6 +15,7 @@ mod stamps;
 #[cfg(test)]
 mod tests;
 
+pub use aravis::load;
 pub use driver::GenicamCamera;
 pub use settings::{GainUnit, Settings, Timestamps, Trigger};
 

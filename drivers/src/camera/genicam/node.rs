@@ -68,7 +68,7 @@ pub trait Node: Send {
     /// Triggers one exposure.
     fn trigger(&mut self) -> NodeResult<()>;
     /// Sets the size of network packets in bytes, by default the largest that arrives; returns the one in force, or
-    /// `None` for a camera that is not on a network.
+    /// `None` for USB cameras.
     fn packet_size(&mut self, set: Option<u32>) -> NodeResult<Option<u32>>;
     /// Starts the stream with this many buffers.
     fn start(&mut self, buffers: u32) -> NodeResult<()>;

@@ -23,7 +23,7 @@ pub(super) struct Opened {
     pub interval: Duration,
     pub exposure: Duration,
     pub exposures_s: [f64; 2],
-    /// Size of network packets; `None` for a camera that is not on a network.
+    /// Size of network packets; `None` for USB cameras.
     pub packet_size: Option<u32>,
     pub warnings: Vec<String>,
 }

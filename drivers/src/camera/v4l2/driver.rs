@@ -6,6 +6,7 @@ use super::open::{INTERVAL_S, Opened, picture};
 use super::pixels::Picture;
 use super::sequence::{Counter, TimeRule};
 use super::settings::Settings;
+use crate::camera::without_shutter;
 use crate::{Camera, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, Frame, Freshness, Stamp};
 use async_trait::async_trait;
 use rustix::io::Errno;
@@ -128,7 +129,7 @@ impl V4l2Camera {
         }
     }
 
-    /// The next frame; `None` if there is none yet, or one that is not newer than the last.
+    /// The next frame that is newer than the last; `None` if it has not arrived.
     fn poll(&mut self, fresh: Freshness) -> DeviceResult<Option<Frame>> {
         let rule = TimeRule {
             meaning: self.settings.timestamps,
@@ -182,12 +183,7 @@ impl Camera for V4l2Camera {
     }
 
     async fn cover(&mut self, closed: bool) -> DeviceResult<Duration> {
-        if !closed {
-            return Ok(self.clock.now());
-        }
-        Err(DeviceError::new(&self.info.id, "close the shutter", "a shutter", "a camera without one")
-            .remedy("put the lens cap on")
-            .class(Class::Setup))
+        without_shutter(&self.info.id, closed, self.clock.now())
     }
 
     async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame> {

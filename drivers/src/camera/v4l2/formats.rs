@@ -118,7 +118,7 @@ impl PixelFormat {
         u16::try_from((1u32 << self.bits) - 1).unwrap_or(u16::MAX)
     }
 
-    /// Whether codes are sensor counts, as far as the format shows: luma of a colour picture is processed.
+    /// True for raw formats. Luma and JPEG have passed the camera's colour processing.
     pub fn raw(&self) -> bool {
         !matches!(self.layout, Layout::LumaFirst | Layout::LumaSecond | Layout::LumaPlane | Layout::Jpeg)
     }

@@ -1,4 +1,4 @@
-//! Relays without a report of their state: "HIDRelay", 0519:2018.
+//! Relays without a status report: "HIDRelay", 0519:2018.
 //!
 //! The state is the commanded one, not read back; the flash's identity says so. Each check of the state sends the
 //! command again, which fails if the relay is gone. All boards have the same serial number; paths distinguish them.

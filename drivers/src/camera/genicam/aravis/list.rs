@@ -26,14 +26,6 @@ pub struct Listed {
     pub network: bool,
 }
 
-/// Whether the library is there.
-///
-/// # Errors
-/// The system's message if it cannot be loaded.
-pub fn library() -> Result<(), String> {
-    ffi::load()
-}
-
 /// Looks for cameras on USB only where one is connected: for them, the library keeps a thread and files until the
 /// process ends.
 pub(super) fn choose_interfaces() {
@@ -45,7 +37,7 @@ pub(super) fn choose_interfaces() {
 
 /// Cameras that answer within about a second; none without the library. No camera is opened.
 pub fn cameras() -> Vec<Listed> {
-    if library().is_err() {
+    if ffi::load().is_err() {
         return vec![];
     }
     choose_interfaces();

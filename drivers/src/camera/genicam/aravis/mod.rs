@@ -9,6 +9,7 @@ mod stream;
 
 use super::node::{Buffer, Cause, Failure, Gains, Identity, Node, NodeResult, Packets};
 use ffi::ArvCamera;
+pub use ffi::load;
 use safe::{c_string, checked, names, text};
 use std::ffi::{c_char, c_double, c_int};
 use std::ptr::NonNull;
@@ -19,6 +20,7 @@ use stream::Stream;
 const RELEASED: Duration = Duration::from_secs(5);
 /// Pause between attempts to take control.
 const PAUSE: Duration = Duration::from_millis(200);
+
 /// A camera of the library.
 pub struct AravisNode {
     camera: NonNull<ArvCamera>,
@@ -36,7 +38,7 @@ impl AravisNode {
     /// # Errors
     /// `Library` without aravis, `Missing` if no camera answers, `Held` if another program controls it.
     pub fn open(device: &str) -> NodeResult<Self> {
-        ffi::load().map_err(|problem| Failure::new(Cause::Library, problem))?;
+        load().map_err(|problem| Failure::new(Cause::Library, problem))?;
         list::choose_interfaces();
         let name = c_string(device)?;
         // SAFETY: the name ends with zero and lives through the call.
