@@ -5,6 +5,7 @@
 use nacre_tests::http::{Answer, Service, SmallDisk, begin, fill, finished, free, plan, private_mount};
 use nacre_tests::{BENCH, NEVER, Place, binary, listing, nacre};
 use serde_json::{Value, json};
+use std::collections::HashSet;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -157,19 +158,25 @@ fn too_many_open_files_are_named() {
     let place = Place::with_bench("", BENCH);
     let service = Service::start(&place, &[]);
     let id = begin_and_finish(&service);
-    let open = || fs::read_dir(format!("/proc/{}/fd", service.pid())).unwrap().count();
     let limit = |most: usize| {
         let limit = format!("--nofile={most}:");
         assert!(
             Command::new("prlimit").args(["--pid", &service.pid().to_string(), &limit]).status().unwrap().success()
         );
     };
+    // The system limits the numbers of descriptors. Some below the highest one are free.
+    let number_of_free = |spare: usize| {
+        let files = fs::read_dir(format!("/proc/{}/fd", service.pid())).unwrap();
+        let open: HashSet<usize> =
+            files.map(|file| file.unwrap().file_name().into_string().unwrap().parse().unwrap()).collect();
+        (0..).filter(|number| !open.contains(number)).nth(spare).unwrap()
+    };
     let path = format!("/api/v1/sessions/{id}/files/frames.json");
-    // With one limit, a file is available for the connection, but none for the request. Databases open and close some
-    // files meanwhile.
+    // With one number of free descriptors, one is available for the connection, but none for the request. Databases
+    // open and close some files meanwhile.
     let begun = Instant::now();
-    let mut answers = (0..8).rev().cycle().map(|spare| {
-        limit(open() + spare);
+    let mut answers = (1..8).rev().cycle().map(|spare| {
+        limit(number_of_free(spare));
         service.get(&path)
     });
     let refused = answers.find(|answer| answer.status == 503 || begun.elapsed() > NEVER);

@@ -88,12 +88,12 @@ export async function sessionPage(main, { id, signal }) {
     camera: ["bad-pixels.png", "Pixels with defects."], flat: ["flat.png", "Relative light."] }[session.plan?.reconstruct?.operation];
   const mapEmpty = h("p", { class: "empty" }, pictured ? "Made after the last exposure." : "The map appears after three angles.");
   const mapAbout = h("span", { class: "soft" });
-  const legend = h("div", { class: "legend" });
+  const rose = wheel(112);
+  const legend = h("div", { class: "legend" }, pictured ? null : rose);
   const log = h("ol", { class: "log scroll", tabindex: 0, "aria-label": "Events" });
   const angles = dial();
   let shown = "orientation";
   const choice = segments("Map", [["orientation", "Orientation"], ["sigma", "σ"], ["dolp", "DoLP"]], shown, (key) => { shown = key; refreshMap(); });
-  const rose = wheel(112);
   addEventListener("themechange", () => rose.refresh(), { signal });
 
   const used = calibrationsUsed();
@@ -222,8 +222,12 @@ export async function sessionPage(main, { id, signal }) {
     const { blob } = await picture(`${base}/frames/${name}.png?width=${pixels(last)}`, { signal });
     show(last, blob);
     lastEmpty.hidden = true;
-    say(lastAbout, [fileName(frame.file), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg, 1), duration(frame.exposure_s)].filter(Boolean).join(" · "));
+    paintFrame();
   });
+  function paintFrame() {
+    const { file, analyser_deg, exposure_s } = frames.at(-1) ?? {};
+    if (file) say(lastAbout, [fileName(file), typeof analyser_deg === "number" && degrees(analyser_deg, 1), duration(exposure_s)].filter(Boolean).join(" · "));
+  }
 
   function paintFrames() {
     tableHolder.replaceChildren(h("table", {},
@@ -311,6 +315,7 @@ export async function sessionPage(main, { id, signal }) {
   signal.addEventListener("abort", () => [ticking, hidden].forEach(clearInterval));
   phases.update(session);
   paint();
+  paintFrame();
   refreshMap();
   refreshFrame();
   listen(`${base}/events`, {
