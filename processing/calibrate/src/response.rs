@@ -16,9 +16,9 @@ const WORTHWHILE: f64 = 0.5;
 /// Highest number of coefficients.
 const MOST: usize = 3;
 
-/// Exposures beyond the number of unknowns that a fit requires. Noise alone halves the deviation of a linear camera in
-/// 1 to 2 % of series of seven exposures, and in 13 % of series of four.
-const SPARE: usize = 5;
+/// Exposures that a fit requires. Noise alone halves the deviation of a linear camera in 1 to 2 % of series of seven
+/// exposures, and in 13 % of series of four.
+const LEAST: usize = 7;
 
 /// Range of the values between black and white that the fit uses (EMVA 1288).
 pub const RANGE: [f64; 2] = [0.05, 0.95];
@@ -88,7 +88,7 @@ impl Response {
 /// Coefficients and mean relative deviation of light that is proportional to the exposure, with `count` coefficients.
 /// `None` for too few points.
 fn fit(points: &[[f64; 2]], count: usize) -> Option<([f64; 3], f64)> {
-    if points.len() < 1 + count + SPARE {
+    if points.len() < LEAST {
         return None;
     }
     // v + a v² + b v³ + c v⁴ = slope · t; relative deviations are least.

@@ -39,7 +39,7 @@ impl Transfer {
     /// # Errors
     /// `Input`.
     pub fn check_known(self) -> Result<()> {
-        let remedy = "say linear, srgb or gamma=NUMBER, such as gamma=2.2";
+        let remedy = "say linear, srgb, polynomial=A,B,C or gamma=NUMBER, such as gamma=2.2";
         match self {
             Self::Recover => {
                 Err(Error::input("--transfer", "one photograph does not tell how its values grow with light", remedy))

@@ -74,7 +74,7 @@ pub struct Settings {
     #[schemars(extend("x-advanced" = true))]
     pub channel: Option<Channel>,
     /// Transfer function of the photograph (required for 8-bit files; default: linear).
-    #[schemars(extend("x-placeholder" = "linear|srgb|gamma=NUMBER"))]
+    #[schemars(extend("x-placeholder" = "linear|srgb|gamma=NUMBER|polynomial=A,B,C"))]
     pub transfer: Option<Transfer>,
     /// Photograph of the light's mirror image, for an extended light; the table is convolved with it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -120,7 +120,7 @@ pub struct LightPhotograph {
     pub center: Option<[f64; 2]>,
     /// Transfer function of that photograph (default: that of the pattern's photograph).
     #[serde(default)]
-    #[schemars(extend("x-placeholder" = "linear|srgb|gamma=NUMBER"))]
+    #[schemars(extend("x-placeholder" = "linear|srgb|gamma=NUMBER|polynomial=A,B,C"))]
     pub transfer: Option<Transfer>,
 }
 

@@ -58,7 +58,8 @@ pub struct Args {
     /// polarimetry.
     #[arg(long, default_value = "unknown", value_name = "LIGHT")]
     illumination: Illumination,
-    /// Transfer function of the files: linear, srgb, gamma=2.2, or recover (exposures). Default: as stated in the file
+    /// Transfer function of the files: linear, srgb, gamma=2.2, polynomial=A,B,C (a calibrated camera), or recover
+    /// (exposures). Default: as stated in the file
     /// (gAMA, sRGB, ICC profile), else srgb for JPEG and linear for other formats.
     #[arg(long, value_parser = transfer)]
     transfer: Option<Transfer>,
