@@ -1,4 +1,4 @@
-//! Mounting of the analyser on a stage's axis: zero, sense, gear ratio, and direction of approach.
+//! Mounting of the analyser on a stage's axis: zero, sense, gear ratio, direction of approach, and whole turns.
 
 use super::check;
 use crate::{Arrived, DeviceResult, Stage, StageInfo};
@@ -103,20 +103,54 @@ impl Mounting {
 }
 
 /// A stage with a mounted analyser: all angles are analyser angles.
+///
+/// Where the limits allow more than a turn, a movement takes the shorter way to an angle that is equal modulo 360°.
 pub struct Mounted {
     axis: Box<dyn Stage>,
     mounting: Mounting,
+    /// Whole turns in degrees that the axis has made beyond the stated angle.
+    turns_deg: f64,
+    /// Where the last movement ended, whole turns included; `None` if it failed or there was none.
+    stands_deg: Option<f64>,
 }
 
 impl Mounted {
     /// Mounts an analyser on an axis.
     pub fn new(axis: Box<dyn Stage>, mounting: Mounting) -> Self {
-        Self { axis, mounting }
+        Self { axis, mounting, turns_deg: 0.0, stands_deg: None }
+    }
+
+    /// Moves to an angle with its whole turns.
+    async fn turn(&mut self, to_deg: f64) -> DeviceResult<Arrived> {
+        self.stands_deg = None;
+        let arrived = self.axis.move_to(self.mounting.axis_deg(to_deg)).await?;
+        self.stands_deg = Some(to_deg);
+        Ok(self.arrived(arrived))
     }
 
     fn arrived(&self, arrived: Arrived) -> Arrived {
-        Arrived { angle_deg: self.mounting.analyser_deg(arrived.angle_deg), ..arrived }
+        Arrived { angle_deg: self.stated(arrived.angle_deg), ..arrived }
     }
+
+    /// Analyser angle without the whole turns of the axis.
+    fn stated(&self, axis_deg: f64) -> f64 {
+        self.mounting.analyser_deg(axis_deg) - self.turns_deg
+    }
+}
+
+/// The angle nearest to `stands_deg` that equals `angle_deg` modulo 360°. Ends of the range are left free for the
+/// approach from below: an angle within `approach_deg` of a limit is only reached from as close.
+fn nearest(stands_deg: f64, angle_deg: f64, [low, high]: [f64; 2], approach_deg: f64) -> f64 {
+    if high - low < 360.0 + 2.0 * approach_deg {
+        return angle_deg;
+    }
+    let distance = |to: f64| (to - stands_deg).abs();
+    let free = |to: f64| (low + approach_deg..=high - approach_deg).contains(&to);
+    let close = |to: f64| (low..=high).contains(&to) && distance(to) <= approach_deg + 1e-6;
+    let turn = ((stands_deg - angle_deg) / 360.0).round();
+    let candidates = [turn - 1.0, turn, turn + 1.0].map(|n| angle_deg + 360.0 * n);
+    let permitted = candidates.into_iter().filter(|to| free(*to) || close(*to));
+    permitted.min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or(angle_deg)
 }
 
 #[async_trait]
@@ -127,16 +161,27 @@ impl Stage for Mounted {
 
     /// Homes the axis, then turns the analyser to 0°.
     async fn home(&mut self) -> DeviceResult<Arrived> {
+        (self.turns_deg, self.stands_deg) = (0.0, None);
         let arrived = self.axis.home().await?;
-        let zero = self.mounting.axis_deg(0.0);
-        if zero == arrived.angle_deg { Ok(self.arrived(arrived)) } else { self.move_to(0.0).await }
+        if self.mounting.axis_deg(0.0) != arrived.angle_deg {
+            return self.turn(0.0).await;
+        }
+        self.stands_deg = Some(0.0);
+        Ok(self.arrived(arrived))
     }
 
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
-        let StageInfo { id, limits_deg, .. } = self.describe();
+        let StageInfo { id, limits_deg, approach_deg, .. } = self.describe();
         check::angle(&id, &format!("move to {angle_deg}°"), angle_deg, limits_deg, "mounting")?;
-        let arrived = self.axis.move_to(self.mounting.axis_deg(angle_deg)).await?;
-        Ok(self.arrived(arrived))
+        let stands_deg = self.stands_deg;
+        let to = stands_deg.map_or(angle_deg, |at| nearest(at, angle_deg, limits_deg, approach_deg));
+        let other_turn = to - angle_deg != self.turns_deg;
+        self.turns_deg = to - angle_deg;
+        if other_turn && stands_deg.is_some_and(|at| to < at) {
+            // The caller expects a movement from below.
+            self.turn((to - approach_deg).max(limits_deg[0])).await?;
+        }
+        self.turn(to).await
     }
 
     async fn halt(&mut self) -> DeviceResult<()> {
@@ -144,7 +189,8 @@ impl Stage for Mounted {
     }
 
     async fn position(&mut self) -> DeviceResult<f64> {
-        Ok(self.mounting.analyser_deg(self.axis.position().await?))
+        let axis_deg = self.axis.position().await?;
+        Ok(self.stated(axis_deg))
     }
 }
 
@@ -163,6 +209,8 @@ mod tests {
         sent: Arc<Mutex<Vec<f64>>>,
         /// Position after homing.
         home_deg: f64,
+        /// Travel beyond -90° to 360°.
+        more_deg: f64,
     }
 
     impl Axis {
@@ -180,7 +228,7 @@ mod tests {
                 id: "axis".into(),
                 speed_deg_s: 90.0,
                 settling_s: 0.1,
-                limits_deg: [-90.0, 360.0],
+                limits_deg: [-90.0 - self.more_deg, 360.0 + self.more_deg],
                 tolerance_deg: 0.3,
                 approach_deg: 0.0,
                 halts: true,
@@ -247,6 +295,44 @@ mod tests {
         let info = Mounted::new(Box::new(Axis::default()), mounting).describe();
         assert_eq!((info.speed_deg_s, info.tolerance_deg, info.approach_deg), (45.0, 0.15, 5.0));
         assert_eq!(info.limits_deg, [-10.0, 165.0]);
+    }
+
+    #[test]
+    fn the_way_to_an_angle_is_the_shorter_one() {
+        let axis = Axis { more_deg: 360.0, ..Axis::default() };
+        let mut stage = Mounted::new(Box::new(axis.clone()), mounting(0.0, Sense::Anticlockwise, 1.0));
+        let mut to = |angle| wait(stage.move_to(angle)).unwrap().angle_deg;
+        for angle in [330.0, -5.0, 0.0, 90.0, 180.0, 350.0, 354.9] {
+            assert!((to(angle) - angle).abs() < 1e-9);
+        }
+        assert_eq!(*axis.sent.lock().unwrap(), [330.0, 355.0, 360.0, 450.0, 540.0, 710.0, 714.9]);
+        assert!((to(358.0) - 358.0).abs() < 1e-9);
+        // 12° up are beyond the travel: it goes back a turn, from below.
+        assert!((to(370.0) - 370.0).abs() < 1e-9);
+        assert_eq!(axis.sent.lock().unwrap()[7..], [718.0, 365.0, 370.0]);
+        assert!((wait(stage.position()).unwrap() - 370.0).abs() < 1e-9);
+        assert_eq!(wait(stage.home()).unwrap().angle_deg, 0.0);
+    }
+
+    proptest! {
+        /// The last movement is upward, as the engine approaches every angle, and at most a turn and the approach long.
+        #[test]
+        fn angles_are_approached_from_below(angles in prop::collection::vec(-85.0..355.0_f64, 2..30), more in 0.0..1000.0_f64) {
+            let axis = Axis { more_deg: more, ..Axis::default() };
+            let mut stage = Mounted::new(Box::new(axis.clone()), Mounting::default());
+            let mut before = f64::INFINITY;
+            for (k, angle) in angles.into_iter().enumerate() {
+                for stop in if angle <= before { vec![angle - 5.0, angle] } else { vec![angle] } {
+                    prop_assert!((wait(stage.move_to(stop)).unwrap().angle_deg - stop).abs() < 1e-8);
+                    before = stop;
+                }
+                let sent = axis.sent.lock().unwrap();
+                prop_assert!(sent.iter().all(|a| (-90.0 - more..=360.0 + more).contains(a)));
+                if let [.., second, last] = sent[..] && k > 0 {
+                    prop_assert!(last >= second, "{sent:?}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -229,8 +229,10 @@ async fn compare_analyser(controller: &mut BenchController<'_>) -> DeviceResult<
     };
     let stage = controller.limits().stage.clone();
     let tolerance = stage.tolerance_deg.min(FIXED_TOLERANCE_DEG);
+    // A whole turn does not change the analyser.
+    let apart = |at: f64| (at - fixed_analyser_deg + 180.0).rem_euclid(360.0) - 180.0;
     let analyser_deg = match controller.position().await {
-        Ok(at) if (at - fixed_analyser_deg).abs() <= tolerance => return Ok(()),
+        Ok(at) if apart(at).abs() <= tolerance => return Ok(()),
         _ if stage.by_hand => return controller.turn(fixed_analyser_deg).await,
         other => other?,
     };

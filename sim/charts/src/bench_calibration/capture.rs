@@ -16,8 +16,10 @@ pub(super) const TURN: usize = 24;
 /// Angles about the crossed direction in degrees.
 const CROSSED_DEG: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
 
-/// Exposures of a photon transfer relative to the metered one, which is just below white.
-const TRANSFER: [f64; 2] = [0.02, 1.4];
+/// Exposures of a photon transfer relative to the metered one, which is just below white: evenly spaced, as in a
+/// session, and a saturated one.
+const LEVELS: [f64; 2] = [0.02, 1.0];
+const SATURATED: f64 = 1.4;
 
 /// Exposure of photographs of crossed polarizers relative to the others.
 const LONGER: f64 = 8.0;
@@ -106,9 +108,9 @@ pub(super) fn shoot(config: &BenchConfig, shot: &Shot, calibration: &Calibration
 
 fn transfer(camera: &mut Camera, exposure_s: f64, levels: usize) -> Result<Vec<Frame>> {
     let mut frames = vec![];
-    let share = |k: usize| TRANSFER[0] * (TRANSFER[1] / TRANSFER[0]).powf(k as f64 / (levels - 1) as f64);
-    for k in 0..levels {
-        let exposure_s = exposure_s * share(k);
+    let even = |k: usize| LEVELS[0] + (LEVELS[1] - LEVELS[0]) * k as f64 / (levels - 2) as f64;
+    for share in (0..levels - 1).map(even).chain([SATURATED]) {
+        let exposure_s = exposure_s * share;
         camera.dark(true);
         let darks: [_; 2] = camera.take_several(0.0, exposure_s)?;
         light(&mut camera.bench);
