@@ -4,14 +4,14 @@
 
 use crate::gphoto2::session;
 use crate::panel::Page;
-use crate::still::{Tags, camera_time, dng, jpeg};
-use nacre_tests::http::{Service, begin, finished};
+use crate::still::{Tags, camera_time, completed, dng, jpeg};
+use nacre_tests::http::{Service, begin};
 use nacre_tests::{BENCH, BenchProcess, Place, nacre, test_data};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 /// A service with an emulated stage, the page as panel, and a folder of photographs.
 struct Bench {
@@ -101,7 +101,7 @@ fn raw_photographs_are_matched_to_their_requests() {
         "analyser": { "angles_deg": [0.0, 45.0, 90.0, 135.0] },
     } });
     let id = begin(&bench.service, &plan);
-    let done = finished(&bench.service, &id);
+    let done = completed(&bench.service, &id);
     assert_eq!(done["frames_committed"], 4, "{done}");
     let asked = bench.asked.lock().unwrap().clone();
     assert_eq!(asked.len(), 4, "{asked:?}");
@@ -146,7 +146,7 @@ fn a_camera_with_other_settings_stops_the_session_until_it_is_set() {
     println!("{told}");
     assert!(told.contains("1/100 s (10 ms)") && told.contains("1/30 s (33.33 ms) in 1.jpg"), "{told}");
     bench.service.post(&format!("{base}/resume"), &json!({})).expect(202);
-    let done = finished(&bench.service, &id);
+    let done = completed(&bench.service, &id);
     assert_eq!(done["frames_committed"], 2, "{done}");
     assert_eq!(bench.asked.lock().unwrap().len(), 3);
 }
@@ -163,12 +163,13 @@ fn a_relay_releases_the_shutter() {
         "kind": "free", "steps": [{ "analyser_deg": 20.0, "exposure_ms": 10.0 }, { "analyser_deg": 40.0, "exposure_ms": 10.0 }],
     } });
     let id = begin(&bench.service, &plan);
+    let state = || bench.service.get(&format!("/api/v1/sessions/{id}")).text();
     // The camera photographs when its cable is closed.
     let folder = bench.place.path("photographs");
     for number in 1..=2 {
         let begun = std::time::Instant::now();
         while nacre_tests::light(&bench._stage) != [false, true] {
-            assert!(begun.elapsed() < nacre_tests::NEVER, "the cable is not closed");
+            assert!(begun.elapsed() < nacre_tests::NEVER, "the cable is not closed: {}", state());
             std::thread::sleep(Duration::from_millis(2));
         }
         fs::write(folder.join(format!("{number}.jpg")), jpeg(64, 48, Some(&tags([1, 100], 0)))).unwrap();
@@ -177,7 +178,7 @@ fn a_relay_releases_the_shutter() {
             std::thread::sleep(Duration::from_millis(2));
         }
     }
-    let done = finished(&bench.service, &id);
+    let done = completed(&bench.service, &id);
     assert_eq!(done["frames_committed"], 2, "{done}");
 }
 
@@ -189,10 +190,14 @@ fn real_photographs_of_a_bracket_become_the_frames_of_a_plan() {
         (0..7).map(|k| fs::read(data.join(format!("hdr/stack_room_exp_{k}.jpg"))).unwrap()).collect();
     let dated = |photograph: &[u8], shift_s: i64| {
         let mut bytes = photograph.to_vec();
-        let now = camera_time(shift_s);
-        let places: Vec<usize> = (0..4000).filter(|at| bytes[*at..].starts_with(b"2015:08:21 09:1")).collect();
-        assert!(!places.is_empty());
-        places.into_iter().for_each(|at| bytes[at..at + 19].copy_from_slice(now.as_bytes()));
+        let hundredths = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap().subsec_millis() / 10;
+        let (now, parts) = (camera_time(shift_s), format!("{hundredths:02}"));
+        let places =
+            |pattern: &[u8]| (0..4000).filter(|at| photograph[*at..].starts_with(pattern)).collect::<Vec<usize>>();
+        let (dates, subseconds) = (places(b"2015:08:21 09:1"), places(b"\x92\x91\0\x02\0\0\0\x03"));
+        assert!(!dates.is_empty() && subseconds.len() == 1, "{dates:?} {subseconds:?}");
+        dates.into_iter().for_each(|at| bytes[at..at + 19].copy_from_slice(now.as_bytes()));
+        subseconds.into_iter().for_each(|at| bytes[at + 8..at + 10].copy_from_slice(parts.as_bytes()));
         bytes
     };
     let (first, rest) = (dated(&real[0], -500), real[1..].to_vec());
@@ -208,7 +213,7 @@ fn real_photographs_of_a_bracket_become_the_frames_of_a_plan() {
     let steps: Vec<Value> =
         [500.0, 125.0, 1000.0 / 30.0, 8.0, 1.0, 0.25].iter().map(|ms| json!({ "exposure_ms": ms })).collect();
     let id = begin(&bench.service, &json!({ "plan": { "kind": "free", "steps": steps } }));
-    let done = finished(&bench.service, &id);
+    let done = completed(&bench.service, &id);
     assert_eq!(done["frames_committed"], 6, "{done}");
     let asked = bench.asked.lock().unwrap().clone();
     for (request, speed) in asked.iter().zip(["0.5 s", "1/8 s", "1/30 s", "1/125 s", "1/1000 s", "1/4000 s"]) {

@@ -4,8 +4,8 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use crate::panel::Page;
-use crate::still::{Tags, camera_time, jpeg};
-use nacre_tests::http::{Service, begin, finished};
+use crate::still::{Tags, camera_time, completed, jpeg};
+use nacre_tests::http::{Service, begin};
 use nacre_tests::{BENCH, BenchProcess, NEVER, Place, analyser_deg, nacre};
 use serde_json::{Value, json};
 use std::fs;
@@ -109,7 +109,7 @@ fn a_polarization_session_takes_and_fetches_its_photographs() {
     assert!(refused.status == 422 || refused.status == 400, "{}", refused.text());
     assert!(refused.text().contains("20 ms or 50 ms"), "{}", refused.text());
     let id = begin(&bench.service, &plan(10.0, 1));
-    let done = finished(&bench.service, &id);
+    let done = completed(&bench.service, &id);
     assert_eq!(done["frames_committed"], ANGLES.len() + 1, "{done}");
     assert!((analyser_deg(&bench.stage) - 135.0).abs() < 0.1);
     let patterns: Vec<Value> = page.shown.lock().unwrap().clone();

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+use nacre_tests::http::Service;
+use serde_json::Value;
 use std::time::SystemTime;
 
 /// Exif tags of a photograph.
@@ -35,6 +37,13 @@ pub(crate) fn camera_time(shift_s: i64) -> String {
     let second = seconds.rem_euclid(86_400);
     let [hour, minute, second] = [second / 3600, second / 60 % 60, second % 60];
     format!("{year:04}:{month:02}:{:02} {hour:02}:{minute:02}:{second:02}", day + 1)
+}
+
+/// Waits until a session has ended with all its frames.
+pub(crate) fn completed(service: &Service, id: &str) -> Value {
+    let done = service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "finished" || s["error"].is_string());
+    assert!(done["error"].is_null(), "{done}");
+    done
 }
 
 /// Entry of a TIFF directory: tag, type, count and bytes, in little-endian order.

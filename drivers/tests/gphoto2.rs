@@ -19,7 +19,7 @@ const ANY: Freshness = Freshness { steady_since: Duration::ZERO, first_sequence:
 
 /// Content of the photograph in the camera.
 fn content() -> Vec<u8> {
-    (0..100_000u32).map(|k| (k * k % 251) as u8).collect()
+    (0..100_000u32).map(|k| (k.wrapping_mul(k) % 251) as u8).collect()
 }
 
 /// Runs a test with the virtual camera; returns whether this process has it.

@@ -7,8 +7,8 @@ use crate::camera::photograph::Taken;
 
 /// Assumed relative drift between both clocks, such as 4 s per day.
 const DRIFT: f64 = 5e-5;
-/// Constant part of the accepted drift in s.
-const SLACK_S: f64 = 0.05;
+/// Accepted error of Exif times in s: cameras state the time of slightly different moments.
+const SLACK_S: f64 = 0.5;
 
 /// Knowledge of the camera's clock. All times are in s; those of the computer since 1970.
 #[derive(Clone, Debug, Default)]
