@@ -49,7 +49,7 @@ fn bench(fill: impl Fn(&Path), more: &str, act: impl Fn(usize, &str, &Path) + Se
         };
         act(number, line, &folder);
     });
-    let page = Page::open(service.address);
+    let page = Page::beating(service.address);
     service.until("/api/v1/display", |d| d["acknowledged"] == true);
     Bench { place, _stage: stage, service, _page: page, asked }
 }
@@ -146,7 +146,7 @@ fn a_camera_with_other_settings_stops_the_session_until_it_is_set() {
     println!("{told}");
     assert!(told.contains("1/100 s (10 ms)") && told.contains("1/30 s (33.33 ms) in 1.jpg"), "{told}");
     bench.service.post(&format!("{base}/resume"), &json!({})).expect(202);
-    let done = completed(&bench.service, &id);
+    let done = bench.service.until(&base, |s| s["state"] == "finished");
     assert_eq!(done["frames_committed"], 2, "{done}");
     assert_eq!(bench.asked.lock().unwrap().len(), 3);
 }

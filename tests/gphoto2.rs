@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Marks the process that uses the virtual camera.
@@ -37,6 +38,9 @@ fn alone(test: &str, photograph: &[u8], variables: &[(&str, &str)]) -> bool {
     command.args(["--exact", &format!("gphoto2::{test}"), "--nocapture"]).env(INSIDE, "1");
     command.env("LD_LIBRARY_PATH", &lib).env("CAMLIBS", lib.join("camlibs")).env("IOLIBS", lib.join("iolibs"));
     command.env("VCAMERA_DIR", camera.path()).envs(variables.iter().copied());
+    // Locks of devices are common to all processes of a machine.
+    static ONE: Mutex<()> = Mutex::new(());
+    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     assert!(command.status().unwrap().success(), "see above");
     false
 }
@@ -68,7 +72,7 @@ impl Bench {
     }
 
     fn page(&self) -> Page {
-        let page = Page::open(self.service.address);
+        let page = Page::beating(self.service.address);
         self.service.until("/api/v1/display", |d| d["acknowledged"] == true);
         page
     }
@@ -170,7 +174,7 @@ fn the_camera_is_found_and_takes_a_photograph() {
     assert!(cameras["found"].as_str().unwrap().split(" can be used").next().unwrap().contains("gphoto2"), "{cameras}");
     let config = place.text("camera.toml");
     fs::write(&config, CAMERA).unwrap();
-    let listed = nacre(["devices", "--config", &config]).expect(0).stdout();
+    let listed = nacre(["devices", "--config", &config]).stdout();
     assert!(listed.contains("gphoto2 Nikon DSC D750 s/n 0.1"), "{listed}");
     let snap =
         |ms: &str, out: &str| nacre(["snap", "--config", &config, "--exposure-ms", ms, "--out", &place.text(out)]);
