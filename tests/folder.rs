@@ -1,6 +1,6 @@
 //! Sessions whose camera is a folder: an operator, played by the test, sets the camera and takes the photographs.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 use crate::gphoto2::session;
 use crate::panel::Page;
@@ -23,7 +23,7 @@ struct Bench {
     asked: Arc<Mutex<Vec<String>>>,
 }
 
-/// Starts a bench whose folder contains what `fill` puts there. The operator then acts on each request, by its number.
+/// Starts a bench whose folder is filled by `fill`. The operator then acts on each request, by its number.
 fn bench(fill: impl Fn(&Path), more: &str, act: impl Fn(usize, &str, &Path) + Send + 'static) -> Bench {
     let place = Place::with_bench("", BENCH);
     let (stage, lamp, folder) = (place.text("stage"), place.text("lamp"), place.path("photographs"));

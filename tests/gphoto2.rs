@@ -1,7 +1,7 @@
 //! Sessions with the virtual camera of libgphoto2, an emulated Elliptec stage, and a simulated browser page as panel.
 //! Skipped without the virtual camera (`tests/gphoto2/build`).
 
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 use crate::panel::Page;
 use crate::still::{Tags, camera_time, completed, jpeg};

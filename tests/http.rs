@@ -115,8 +115,8 @@ impl Service {
         Self::run(command, mark, place, &["--sim", "--bench", &place.text("bench.toml")])
     }
 
-    /// With the devices of a configuration, at a terminal with an operator, who presses Enter after each request and then
-    /// does what `act` does.
+    /// With the devices of a configuration, at a terminal with an operator, who presses Enter after each request. Then
+    /// `act` follows with the request.
     pub fn at_terminal(place: &Place, args: &[&str], mut act: impl FnMut(&str) + Send + 'static) -> Self {
         let (mut command, mark) = command();
         command.stdin(Stdio::piped());

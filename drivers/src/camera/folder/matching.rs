@@ -90,7 +90,7 @@ mod tests {
     }
 
     proptest! {
-        /// Photographs that are taken after each request are never called older, and those of 4 s before it always are,
+        /// Photographs that are taken after each request are never called older, and those of 6 s before it always are,
         /// if transfers take up to 2 s.
         #[test]
         fn fresh_photographs_are_accepted_and_old_ones_are_not(
@@ -101,7 +101,7 @@ mod tests {
             for (k, (pause, think, transfer)) in shots.into_iter().enumerate() {
                 now += pause;
                 let shot = now + think;
-                prop_assert!(k == 0 || clock.is_older(whole(now - 4.0 + offset), now));
+                prop_assert!(k == 0 || clock.is_older(whole(now - 6.0 + offset), now));
                 prop_assert!(!clock.is_older(whole(shot + offset), now));
                 clock.learn(whole(shot + offset), now, shot + transfer);
                 now = shot + transfer;

@@ -50,7 +50,7 @@ impl PhotographReader for Words {
     }
 }
 
-/// What the operator does on the next requests; the requests are recorded.
+/// Acts of the operator on the next requests, in order.
 type Acts = Arc<Mutex<Vec<Box<dyn FnOnce() + Send>>>>;
 
 struct Operator {
@@ -62,7 +62,11 @@ impl Prompt for Operator {
     fn ask(&mut self, request: &str) -> std::io::Result<()> {
         self.asked.lock().unwrap().push(request.into());
         let mut acts = self.acts.lock().unwrap();
-        if acts.is_empty() { Err(std::io::ErrorKind::Interrupted.into()) } else { Ok(acts.remove(0)()) }
+        if acts.is_empty() {
+            return Err(std::io::ErrorKind::Interrupted.into());
+        }
+        acts.remove(0)();
+        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 //! Digital cameras at a USB cable, through the library libgphoto2.
 //!
-//! All code except the calls of the library works on a [`node::Node`], so that it is tested without a camera. The library
-//! is loaded when one of these cameras is used; the calls are declared by hand.
+//! All code except the calls of the library works on a [`node::Node`], so that it is tested without a camera. The
+//! library is loaded when one of these cameras is used; the calls are declared by hand.
 
 pub mod driver;
 #[cfg(test)]

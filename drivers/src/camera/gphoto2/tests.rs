@@ -72,7 +72,8 @@ fn exposure_and_gain_are_set_and_checked_before_each_photograph() {
 
 #[test]
 fn cameras_that_are_not_ready_are_refused_by_name() {
-    let cases: [(&dyn Fn(&Fake), &str); 10] = [
+    type Change<'a> = &'a dyn Fn(&Fake);
+    let cases: [(Change<'_>, &str); 10] = [
         (&|f| f.change("autoexposuremode", "P"), "dial to M"),
         (&|f| f.change("batterylevel", "3%"), "charge the battery"),
         (&|f| f.remove("shutterspeed"), "dial to M"),

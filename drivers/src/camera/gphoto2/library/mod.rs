@@ -224,11 +224,12 @@ impl Node for GphotoNode {
             // SAFETY: the file is valid, and the pointers live through the call.
             checked(&self.messages, || unsafe { ffi::gp_file_get_data_and_size(fetched, &raw mut data, &raw mut size) })
         });
-        let bytes = got.and_then(|_| match u64::from(size) {
+        let length = usize::try_from(size).unwrap_or(usize::MAX);
+        let bytes = got.and_then(|_| match length as u64 {
             _ if data.is_null() => Ok(vec![]),
             size if size > limit => Err(too_large(size)),
-            // SAFETY: the file has `size` bytes, which are copied before it is released.
-            _ => Ok(unsafe { std::slice::from_raw_parts(data.cast::<u8>(), size as usize) }.to_vec()),
+            // SAFETY: the file has `length` bytes, which are copied before it is released.
+            _ => Ok(unsafe { std::slice::from_raw_parts(data.cast::<u8>(), length) }.to_vec()),
         });
         // SAFETY: the file is released once, after its last use.
         unsafe { ffi::gp_file_unref(fetched) };
