@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// `nacre serve` in a separate process, stopped in order when dropped.
@@ -115,16 +115,46 @@ impl Service {
         Self::run(command, mark, place, &["--sim", "--bench", &place.text("bench.toml")])
     }
 
-    fn run(mut command: Command, mark: String, place: &Place, args: &[&str]) -> Self {
+    /// With the devices of a configuration, at a terminal with an operator, who presses Enter after each request. Then
+    /// `act` follows with the request.
+    pub fn at_terminal(place: &Place, args: &[&str], mut act: impl FnMut(&str) + Send + 'static) -> Self {
+        let (mut command, mark) = command();
+        command.stdin(Stdio::piped());
+        Self::watched(command, mark, place, args, move |line, terminal| {
+            if let Some(terminal) = terminal.filter(|_| line.contains("press Enter")) {
+                // The service may have ended.
+                let _ = terminal.write_all(b"\n");
+                act(line);
+            }
+        })
+    }
+
+    fn run(command: Command, mark: String, place: &Place, args: &[&str]) -> Self {
+        Self::watched(command, mark, place, args, |_, _| ())
+    }
+
+    fn watched(
+        mut command: Command,
+        mark: String,
+        place: &Place,
+        args: &[&str],
+        mut seen: impl FnMut(&str, Option<&mut ChildStdin>) + Send + 'static,
+    ) -> Self {
         command.args(["serve", "--listen", "127.0.0.1:0"]).args(args);
         command.args(["--data", &place.text("data")]).current_dir(place.path(""));
         let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the service starts");
+        let mut stdin = child.stdin.take();
         let mut line = String::new();
         let mut stderr = BufReader::new(child.stderr.take().unwrap());
         stderr.read_line(&mut line).unwrap();
         let address = line.split("http://").nth(1).and_then(|rest| rest.split('/').next()?.parse().ok());
         let address = address.unwrap_or_else(|| panic!("the service says: {line}"));
-        std::thread::spawn(move || stderr.lines().map_while(Result::ok).for_each(|line| println!("service: {line}")));
+        std::thread::spawn(move || {
+            stderr.lines().map_while(Result::ok).for_each(|line| {
+                println!("service: {line}");
+                seen(&line, stdin.as_mut());
+            });
+        });
         Self { child, address, mark }
     }
 

@@ -73,6 +73,8 @@ fn the_service_drives_devices_and_stop_cuts_their_movements_short() {
 pub(crate) struct Page {
     pub(crate) shown: Arc<Mutex<Vec<Value>>>,
     stream: TcpStream,
+    /// Heartbeats go on while this exists.
+    beats: Arc<()>,
 }
 
 impl Page {
@@ -90,7 +92,21 @@ impl Page {
                 acknowledge(address, &event["hash"]);
             });
         });
-        Self { shown, stream }
+        Self { shown, stream, beats: Arc::default() }
+    }
+
+    /// A page that also sends heartbeats, so that it stays open however long nothing is shown.
+    pub(crate) fn beating(address: SocketAddr) -> Self {
+        let page = Self::open(address);
+        let beats = Arc::downgrade(&page.beats);
+        std::thread::spawn(move || {
+            // The service may end first.
+            while beats.upgrade().is_some() && TcpStream::connect(address).is_ok() {
+                post(address, "/api/v1/display/beat", &json!({ "page": "tests", "visible": true }));
+                std::thread::sleep(Duration::from_millis(300));
+            }
+        });
+        page
     }
 }
 
@@ -103,9 +119,13 @@ impl Drop for Page {
 
 fn acknowledge(address: SocketAddr, hash: &Value) {
     let told = json!({ "page": "tests", "hash": hash, "viewport": [800, 600], "pixel_ratio": 1, "visible": true });
+    post(address, "/api/v1/display/acknowledge", &told);
+}
+
+fn post(address: SocketAddr, path: &str, told: &Value) {
     let body = told.to_string();
     let request = format!(
-        "POST /api/v1/display/acknowledge HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n\
+        "POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n\
          Connection: close\r\nContent-Length: {}\r\n\r\n{body}",
         body.len()
     );

@@ -2,7 +2,7 @@
 //!
 //! Each call has a time limit: the nominal time of the device plus [`MARGIN`].
 
-use crate::actor::{Actor, Connect, Patience};
+use crate::actor::{Actor, Connect, Patience, Pending};
 use crate::{
     Arrived, Camera, CameraInfo, Controls, DeviceResult, Display, DisplayInfo, Flash, FlashInfo, Frame, Freshness,
     Interlock, InterlockInfo, Level, Pattern, Shown, Stage, StageInfo, Switched,
@@ -12,6 +12,9 @@ use std::time::Duration;
 
 /// Allowance beyond a device's nominal time, within which a simulated device renders.
 pub const MARGIN: Duration = Duration::from_secs(60);
+
+/// Time limit for a photograph that a person takes.
+const BY_HAND: Duration = Duration::from_secs(24 * 3600);
 
 /// A device with its description.
 pub struct Handle<D: ?Sized, Info> {
@@ -82,8 +85,16 @@ impl Stage for StageHandle {
 impl CameraHandle {
     /// Frames of the longest exposure may still be in the queue.
     fn limit(&self) -> Duration {
+        if self.info.by_hand {
+            return BY_HAND;
+        }
         MARGIN + Duration::from_secs_f64((2.0 * self.info.exposure_s[1] + self.info.readout_s).clamp(0.0, 1e6))
     }
+}
+
+/// Does nothing.
+fn rest<'a>() -> Pending<'a, ()> {
+    Box::pin(async { Ok(()) })
 }
 
 #[async_trait]
@@ -103,7 +114,9 @@ impl Camera for CameraHandle {
     }
 
     async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame> {
-        self.actor.call("take a frame", self.limit(), move |d| d.next_frame(fresh)).await
+        // A camera at rest needs no clean-up.
+        let limit = self.limit();
+        self.actor.interruptible("take a frame", limit, move |d| d.next_frame(fresh), |_| rest()).await
     }
 }
 

@@ -30,6 +30,6 @@ pub use handles::{CameraHandle, DisplayHandle, FlashHandle, InterlockHandle, Sta
 pub use lock::DeviceLock;
 pub use stage::{HandStage, Prompt};
 pub use traits::{
-    Arrived, Camera, CameraInfo, Controls, Display, DisplayInfo, Flash, FlashInfo, Frame, Interlock, InterlockInfo,
-    Level, Pattern, Shown, Stage, StageInfo, Switched,
+    Arrived, Camera, CameraInfo, Controls, Display, DisplayInfo, EXPOSURE_TOLERANCE, Flash, FlashInfo, Frame,
+    Interlock, InterlockInfo, Level, Pattern, Shown, Stage, StageInfo, Switched,
 };

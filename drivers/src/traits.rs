@@ -216,6 +216,12 @@ pub struct CameraInfo {
     pub read_noise_e: Option<f64>,
     /// Exposures in s that are whole refresh periods of the display; empty if its refresh rate is unknown.
     pub steady_exposures_s: Vec<f64>,
+    /// Exposures in s that the camera offers, in any order; empty if any in the range is possible.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exposure_choices_s: Vec<f64>,
+    /// Whether a person takes the photographs, so that a frame may take arbitrarily long.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub by_hand: bool,
     /// Warnings for the user: a lossy format, automatic functions that cannot be disabled.
     pub warnings: Vec<String>,
 }
@@ -245,6 +251,38 @@ pub struct FlashInfo {
 pub struct InterlockInfo {
     /// Stable identity.
     pub id: String,
+}
+
+/// Relative tolerance between a requested exposure and one that a camera offers. Cameras label their exposures with
+/// rounded values, such as 1/60 s.
+pub const EXPOSURE_TOLERANCE: f64 = 0.05;
+
+impl CameraInfo {
+    /// The exposure that the camera offers for a requested one in s; the request itself if any is possible.
+    ///
+    /// # Errors
+    /// The next shorter and next longer exposures in s, if none is within [`EXPOSURE_TOLERANCE`].
+    pub fn choice(&self, seconds: f64) -> Result<f64, Vec<f64>> {
+        if self.exposure_choices_s.is_empty() {
+            return Ok(seconds);
+        }
+        let off = |choice: &f64| (choice / seconds - 1.0).abs();
+        let nearest = self.exposure_choices_s.iter().copied().min_by(|a, b| off(a).total_cmp(&off(b)));
+        if let Some(choice) = nearest.filter(|choice| off(choice) <= EXPOSURE_TOLERANCE) {
+            return Ok(choice);
+        }
+        let shorter = self.exposure_choices_s.iter().copied().filter(|s| *s < seconds).max_by(f64::total_cmp);
+        let longer = self.exposure_choices_s.iter().copied().filter(|s| *s > seconds).min_by(f64::total_cmp);
+        Err(shorter.into_iter().chain(longer).collect())
+    }
+
+    /// The longest exposure that the camera offers within a requested one in s, or else its shortest one.
+    pub fn at_most(&self, seconds: f64) -> f64 {
+        let fits = |s: &f64| *s <= seconds * (1.0 + 1e-9);
+        let choices = || self.exposure_choices_s.iter().copied();
+        let shortest = choices().min_by(f64::total_cmp);
+        choices().filter(fits).max_by(f64::total_cmp).or(shortest).unwrap_or(seconds)
+    }
 }
 
 impl Pattern {

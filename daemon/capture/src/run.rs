@@ -91,7 +91,7 @@ impl Capture<'_> {
         let limits = self.rig.devices.limits();
         let exposures_ms = match metered {
             Some(metered) if plan.bracket.is_some() => metered.bracket_ms,
-            _ if plan.exposures_ms.is_empty() => plan.level_exposures_ms(exposure, limits.camera.exposure_s),
+            _ if plan.exposures_ms.is_empty() => plan.level_exposures_ms(exposure, &limits.camera),
             _ => vec![],
         };
         let plan = plan.with_bracket(exposures_ms);

@@ -1,11 +1,15 @@
 //! Cameras.
 
+pub mod folder;
 pub mod genicam;
+pub mod gphoto2;
 pub mod measure;
 pub mod pfnc;
+pub mod photograph;
 pub mod v4l2;
 
 use crate::{Camera, Class, Clock, DeviceError, DeviceResult};
+use photograph::Photography;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -29,6 +33,10 @@ pub enum CameraDriver {
     V4l2(v4l2::Settings),
     /// A GenICam camera: GigE Vision, USB3 Vision.
     Genicam(genicam::Settings),
+    /// A digital camera at a USB cable, through libgphoto2.
+    Gphoto2(gphoto2::Settings),
+    /// Photographs that another program or a memory card puts into a folder.
+    Folder(folder::Settings),
 }
 
 /// Answer of a camera without a shutter to [`Camera::cover`](crate::Camera::cover).
@@ -42,24 +50,27 @@ pub(crate) fn without_shutter(id: &str, closed: bool, now: Duration) -> DeviceRe
 }
 
 impl CameraConfig {
-    /// Setting for the number of frames until changed controls take effect; `None` for the simulated camera.
+    /// Setting for the number of frames until changed controls take effect; `None` for the simulated camera, and
+    /// for those that take photographs on command.
     pub fn control_lag_frames(&mut self) -> Option<&mut u32> {
         match &mut self.driver {
-            CameraDriver::Simulated {} => None,
+            CameraDriver::Simulated {} | CameraDriver::Gphoto2(_) | CameraDriver::Folder(_) => None,
             CameraDriver::V4l2(settings) => Some(&mut settings.control_lag_frames),
             CameraDriver::Genicam(settings) => Some(&mut settings.control_lag_frames),
         }
     }
 
-    /// Opens a camera of this machine; `None` for the simulated camera.
+    /// Opens a camera of this machine, with services of the program for still cameras; `None` for the simulated camera.
     ///
     /// # Errors
     /// `Setup` if the camera is missing, may not be opened or is another device; the message contains the remedy.
-    pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Camera>>> {
+    pub fn open(&self, clock: &Arc<dyn Clock>, program: &Photography) -> Option<DeviceResult<Box<dyn Camera>>> {
         match &self.driver {
             CameraDriver::Simulated {} => None,
             CameraDriver::V4l2(settings) => Some(v4l2::open(settings, clock)),
             CameraDriver::Genicam(settings) => Some(genicam::open(settings, clock)),
+            CameraDriver::Gphoto2(settings) => Some(gphoto2::open(settings, clock, program)),
+            CameraDriver::Folder(settings) => Some(folder::open(settings, clock, program)),
         }
     }
 }

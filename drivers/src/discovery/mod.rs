@@ -4,6 +4,7 @@
 
 mod access;
 pub(crate) mod genicam;
+mod gphoto2;
 pub mod gvcp;
 mod hid;
 mod routes;
@@ -85,6 +86,7 @@ pub(crate) fn discover_apart(root: &Root) -> (Vec<Found>, Vec<NetworkCamera>) {
     found.extend(usb::others(root));
     let answers = genicam::answers(root);
     found.extend(genicam::usb_cameras(root, &answers));
+    found.extend(gphoto2::cameras(root));
     (found, genicam::network_cameras(root, answers))
 }
 

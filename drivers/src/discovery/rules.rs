@@ -39,6 +39,10 @@ ATTRS{idVendor}==\"2341\", ENV{ID_MM_DEVICE_IGNORE}=\"1\"
 SUBSYSTEM==\"video4linux\", MODE=\"0660\", GROUP=\"video\", TAG+=\"uaccess\"
 SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", ENV{ID_USB_INTERFACES}==\"*:ef0500:*\", \\
   MODE=\"0660\", GROUP=\"video\", TAG+=\"uaccess\"
+
+# Digital cameras (Picture Transfer Protocol)
+SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\", ENV{ID_USB_INTERFACES}==\"*:060101:*\", \\
+  MODE=\"0660\", GROUP=\"video\", TAG+=\"uaccess\"
 "
 }
 

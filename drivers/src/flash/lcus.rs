@@ -42,7 +42,7 @@ fn first() -> u8 {
 }
 
 impl Settings {
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(crate) fn check(&self) -> Result<(), String> {
         if (1..=MAX_CHANNELS).contains(&self.channel) {
             return Ok(());
         }

@@ -16,6 +16,15 @@ pub fn date_time(unix_s: i64) -> [i64; 6] {
     [400 * era + year + i64::from(month <= 2), month, day, second / 3600, second / 60 % 60, second % 60]
 }
 
+/// Days from 1970-01-01 to a date of the Gregorian calendar (the inverse of [`date_time`]).
+pub fn days(year: i64, month: i64, day: i64) -> i64 {
+    let year = if month <= 2 { year - 1 } else { year };
+    let march = (month + 9) % 12;
+    let (era, of_era) = (year.div_euclid(400), year.rem_euclid(400));
+    let of_year = (153 * march + 2) / 5 + day - 1;
+    era * 146_097 + 365 * of_era + of_era / 4 - of_era / 100 + of_year - 719_468
+}
+
 /// ISO 8601 time in UTC from Unix seconds: `2024-02-29T23:59:59Z`.
 pub fn iso(unix_s: i64) -> String {
     let [year, month, day, hour, minute, second] = date_time(unix_s);
@@ -44,6 +53,10 @@ mod tests {
             (4_107_542_400, "2100-03-01T00:00:00Z"),
         ] {
             assert_eq!(iso(seconds), date);
+        }
+        for day in -200_000..200_000 {
+            let [year, month, of_month, ..] = date_time(day * DAY);
+            assert_eq!(days(year, month, of_month), day);
         }
         assert_eq!(minutes(951_827_696), "2000-02-29 12:34 UTC");
     }

@@ -70,7 +70,7 @@ pub use canvas::{Canvas, Rgb, text_width};
 pub use convolution::Convolution;
 pub use correlation::{Correlation, Field};
 pub use details::{Curve, Details, Encoding, details};
-pub use exif::{Exposure, exposure};
+pub use exif::{Exposure, Origin, exposure, origin};
 pub use gray::Gray;
 pub use homography::{homography, mapped};
 pub use interpolation::catmull_rom;

@@ -182,6 +182,8 @@ pub fn describe(bench: &BenchConfig) -> Devices {
             full_scale_e: Some(camera.well_e),
             read_noise_e: Some(camera.read_noise_e),
             steady_exposures_s: vec![],
+            exposure_choices_s: vec![],
+            by_hand: false,
             warnings: vec![],
         },
         display: DisplayInfo { id: id(FaultyDevice::Display), size_mm: bench.panel.size_mm },

@@ -95,7 +95,11 @@ async fn bracket(
         if dark >= LIT {
             break;
         }
-        exposure = Duration::from_secs_f64(next);
+        let longer = offered(Duration::from_secs_f64(next), &camera);
+        if longer <= exposure {
+            break;
+        }
+        exposure = longer;
     }
     controller.dark().await?;
     Ok(exposures)
@@ -136,7 +140,7 @@ async fn meter(
     controller.dark().await?;
     let camera = &controller.limits().camera;
     let shortest = shortest.ok_or_else(|| nothing(camera, Duration::ZERO))?;
-    Ok(steady(shortest, &camera.steady_exposures_s))
+    Ok(settled(shortest, camera))
 }
 
 /// Exposure time of a live picture under this pattern, with the analyser where it stands.
@@ -151,12 +155,25 @@ pub async fn meter_preview(
 ) -> Result<Duration, Failure> {
     let light = State { pattern, analyser_deg: None, flash: false, covered: false, exposure_ms: None };
     let exposure = one(controller, gain, &light, Some(guess)).await?;
-    Ok(steady(exposure, &controller.limits().camera.steady_exposures_s))
+    Ok(settled(exposure, &controller.limits().camera))
+}
+
+/// Longest exposure within a metered one that the camera offers and that is synchronous with the panel's refresh.
+pub(super) fn settled(exposure: Duration, camera: &CameraInfo) -> Duration {
+    offered(steady(exposure, &camera.steady_exposures_s), camera)
+}
+
+/// Longest exposure within this one that the camera offers.
+fn offered(exposure: Duration, camera: &CameraInfo) -> Duration {
+    match camera.exposure_choices_s.is_empty() {
+        true => exposure,
+        false => Duration::from_secs_f64(camera.at_most(exposure.as_secs_f64())),
+    }
 }
 
 /// Longest exposure that is synchronous with the panel's refresh and not longer than `exposure`, unless it would lose
 /// more than half of it.
-pub(super) fn steady(exposure: Duration, suiting_s: &[f64]) -> Duration {
+fn steady(exposure: Duration, suiting_s: &[f64]) -> Duration {
     let fits = |s: &f64| (0.5..=1.0 + 1e-9).contains(&(s / exposure.as_secs_f64()));
     let longest = suiting_s.iter().copied().filter(fits).max_by(f64::total_cmp);
     longest.map_or(exposure, Duration::from_secs_f64)
@@ -189,8 +206,9 @@ pub(super) async fn one(
 ) -> Result<Duration, Failure> {
     let camera = controller.limits().camera.clone();
     let longest = longest(controller, light.flash);
-    let clamp = |seconds: f64| Duration::from_secs_f64(seconds.min(longest).max(camera.exposure_s[0]));
-    let mut exposure = guess.unwrap_or_else(|| clamp(FIRST_S));
+    let clamp =
+        |seconds: f64| offered(Duration::from_secs_f64(seconds.min(longest).max(camera.exposure_s[0])), &camera);
+    let mut exposure = guess.map_or_else(|| clamp(FIRST_S), |guess| offered(guess, &camera));
     for _ in 0..ATTEMPTS {
         controller.expose(exposure, gain).await?;
         controller.cover(false).await?;

@@ -89,7 +89,7 @@ pub async fn measure(
         State { pattern: level(1.0, tone), analyser_deg: None, flash: false, covered: false, exposure_ms: None };
     progress.stage("metering", 1);
     let camera = controller.limits().camera.clone();
-    let exposure = meter::steady(meter::one(controller, 1.0, &white, None).await?, &camera.steady_exposures_s);
+    let exposure = meter::settled(meter::one(controller, 1.0, &white, None).await?, &camera);
     controller.expose(exposure, 1.0).await?;
     let panel_pixels = PanelPixels::open(controller, tone).await?;
     progress.stage("changes between black and white", u64::from(CHANGES));

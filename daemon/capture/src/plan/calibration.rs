@@ -2,6 +2,7 @@
 
 use super::{Added, AnalyserPlan, Extra, Method, Plan, PlanKind, PlannedOperation};
 use crate::ids::is_id;
+use nacre_drivers::CameraInfo;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Map;
@@ -233,7 +234,8 @@ impl Plan {
 
     /// Exposures of a camera's calibration in ms, from the metered or stated exposure; empty for other plans.
     /// `limits_s` are the camera's shortest and longest exposure in s.
-    pub(crate) fn level_exposures_ms(&self, exposure: Duration, limits_s: [f64; 2]) -> Vec<f64> {
+    pub(crate) fn level_exposures_ms(&self, exposure: Duration, camera: &CameraInfo) -> Vec<f64> {
+        let limits_s = camera.exposure_s;
         let [low, high] = LEVELS;
         let steps = self.levels().unwrap_or(0);
         let level = |k: u32| match steps - k {
@@ -242,11 +244,12 @@ impl Plan {
         };
         let exposure_ms = |k: u32| {
             let seconds = (exposure.as_secs_f64() * level(k)).clamp(limits_s[0], limits_s[1]);
+            let seconds = camera.at_most(seconds);
             // Whole microseconds.
             (1e6 * seconds).round() / 1e3
         };
         let mut all: Vec<f64> = (0..steps).map(exposure_ms).collect();
-        // Exposures beyond the camera's limits are equal.
+        // Exposures beyond the camera's limits, and between those that it offers, are equal.
         all.dedup();
         all
     }

@@ -206,6 +206,11 @@ impl Plan {
             let problem = || format!("{key} is {value}, but the {device} takes {low} to {high}");
             if (low..=high).contains(&value) { None } else { Some(problem()) }
         };
+        let offered = |key: &str, ms: f64| {
+            let nearest = camera.choice(ms / 1000.0).err()?;
+            let nearest: Vec<String> = nearest.iter().map(|s| format!("{} ms", (1e8 * s).round() / 1e5)).collect();
+            Some(format!("{key} is {ms}, which the {} does not offer; choose {}", camera.id, nearest.join(" or ")))
+        };
         let steps = self.most_steps();
         let exposures = camera.exposure_s.map(|s| 1000.0 * s);
         let of_steps = |problem: &dyn Fn(&Step) -> Option<String>| steps.iter().find_map(problem);
@@ -219,10 +224,13 @@ impl Plan {
         };
         [
             within("camera.gain", self.camera.gain, camera.gain, &camera.id),
-            self.camera.exposure_ms.and_then(|ms| within("camera.exposure_ms", ms, exposures, &camera.id)),
+            self.camera.exposure_ms.and_then(|ms| {
+                let key = "camera.exposure_ms";
+                within(key, ms, exposures, &camera.id).or_else(|| offered(key, ms))
+            }),
             of_steps(&|s| {
                 let key = format!("the exposure of {} in ms", s.file);
-                s.state.exposure_ms.and_then(|ms| within(&key, ms, exposures, &camera.id))
+                s.state.exposure_ms.and_then(|ms| within(&key, ms, exposures, &camera.id).or_else(|| offered(&key, ms)))
             }),
             of_steps(&|s| {
                 let key = format!("the analyser angle of {}", s.file);

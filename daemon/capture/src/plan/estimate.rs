@@ -66,7 +66,7 @@ impl Plan {
     /// the stage.
     pub fn estimate(&self, exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
         if self.levels().is_some() && self.exposures_ms.is_empty() {
-            let exposures_ms = self.level_exposures_ms(exposure, limits.camera.exposure_s);
+            let exposures_ms = self.level_exposures_ms(exposure, &limits.camera);
             let estimate = self.clone().with_bracket(exposures_ms).estimate(exposure, limits, stands_deg);
             return Estimate { exposure_s: exposure.as_secs_f64(), ..estimate };
         }

@@ -345,8 +345,13 @@ pub(super) mod tests {
         let completed = |text: &str| plan(text).completed();
         let camera = completed("kind = \"calibration\"\ncalibration = { of = \"camera\", levels = 4 }");
         assert!(camera.is_metered() && camera.steps().len() == 16);
-        let metered = camera.level_exposures_ms(Duration::from_millis(100), [1e-3, 0.19]);
+        let device = nacre_sim::describe(&nacre_sim::BenchConfig::default()).camera;
+        let mut device = nacre_drivers::CameraInfo { exposure_s: [1e-3, 0.19], ..device };
+        let metered = camera.level_exposures_ms(Duration::from_millis(100), &device);
         assert_eq!(metered, [2.0, 51.0, 100.0, 190.0]);
+        device.exposure_choices_s = vec![0.001, 0.05, 0.1, 0.125];
+        let offered = camera.level_exposures_ms(Duration::from_millis(100), &device);
+        assert_eq!(offered, [1.0, 50.0, 100.0, 125.0]);
         let camera = camera.with_bracket(metered);
         camera.check_values().unwrap();
         let steps = camera.steps();

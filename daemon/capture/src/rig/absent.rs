@@ -62,6 +62,8 @@ impl Camera for Absent {
             full_scale_e: None,
             read_noise_e: None,
             steady_exposures_s: vec![],
+            exposure_choices_s: vec![],
+            by_hand: false,
             warnings: vec![],
         }
     }

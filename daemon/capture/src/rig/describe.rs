@@ -1,8 +1,9 @@
 //! Descriptions and limits of the bench's devices.
 
+use super::photographs::photography;
 use super::sources::missing;
 use super::uses::{Use, Uses};
-use super::{Place, SimulatedBench};
+use super::{Place, SimulatedBench, Stop};
 use crate::failure::Failure;
 use crate::page::PagePanel;
 use crate::plan::Limits;
@@ -99,7 +100,7 @@ fn stage(section: &BenchSection, simulated: Option<&Simulated>) -> Option<Device
 }
 
 fn camera(section: &BenchSection, simulated: Option<&Simulated>) -> Option<DeviceResult<CameraInfo>> {
-    match section.camera.as_ref().and_then(|c| c.open(&clock())) {
+    match section.camera.as_ref().and_then(|c| c.open(&clock(), &photography(&Stop::default()))) {
         Some(opened) => Some(opened.map(|camera| camera.describe())),
         None => simulated.map(|s| Ok(s.camera.clone())),
     }

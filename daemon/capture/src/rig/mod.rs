@@ -2,6 +2,7 @@
 
 mod absent;
 mod describe;
+mod photographs;
 mod sources;
 mod terminal;
 mod uses;
@@ -28,6 +29,7 @@ use std::sync::atomic::AtomicU32;
 use tokio::runtime::Runtime;
 
 pub use describe::Described;
+pub use photographs::photography;
 pub use uses::{Use, Uses};
 
 /// Number of requests to stop.

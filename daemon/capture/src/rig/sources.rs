@@ -1,5 +1,6 @@
 //! Sources of a bench's devices: how to open each, and how to reopen it after a lost connection.
 
+use super::photographs::photography;
 use super::terminal::Terminal;
 use super::{Stop, Use, Uses};
 use crate::guardian::{Guarded, GuardedFlash};
@@ -146,9 +147,9 @@ impl Sources {
     /// # Errors
     /// None is configured.
     pub fn camera(&self) -> DeviceResult<Connect<dyn Camera>> {
-        let (config, clock) = (self.section.camera.clone(), self.clock.clone());
+        let (config, clock, program) = (self.section.camera.clone(), self.clock.clone(), photography(&self.stop));
         let dial = if self.section.has_real_camera() { None } else { Some(self.dial("camera")?) };
-        Ok(Box::new(move || match (config.as_ref().and_then(|c| c.open(&clock)), &dial) {
+        Ok(Box::new(move || match (config.as_ref().and_then(|c| c.open(&clock, &program)), &dial) {
             (Some(opened), _) => opened,
             (None, Some(dial)) => Ok(Box::new(SimDevice::new(dial()?)?)),
             (None, None) => Err(missing("camera")),

@@ -223,7 +223,10 @@ impl BenchSection {
             self.display.as_ref().map(|d| serde_json::to_value(&d.driver)),
             self.flash.as_ref().map(|f| serde_json::to_value(&f.driver)),
         ];
-        let names = drivers.into_iter().flatten().flatten().filter_map(|driver| lock_name(&driver));
+        let drivers: Vec<Value> = drivers.into_iter().flatten().flatten().collect();
+        // The output at a camera's shutter cable is a device, too.
+        let triggers = drivers.iter().filter_map(|driver| driver.get("trigger").filter(|t| t.is_object()));
+        let names = drivers.iter().chain(triggers).filter_map(lock_name);
         names.map(|(kind, place)| DeviceLock::take(&kind, &place)).collect()
     }
 }

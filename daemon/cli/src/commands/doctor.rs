@@ -4,7 +4,7 @@ use crate::console::Console;
 use nacre_base::Error;
 use nacre_base::estimate::Machine;
 use nacre_capture::Failure;
-use nacre_drivers::camera::{genicam, v4l2};
+use nacre_drivers::camera::{genicam, gphoto2, v4l2};
 use nacre_drivers::discovery::Root;
 use nacre_drivers::doctor::{Check, Health, examine};
 use std::fmt::Write;
@@ -31,16 +31,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         return Err(Error::file(&args.data, "is no folder", "give the folder that sessions go into").into());
     }
     let mut checks = examine(&Root::default(), &args.data);
-    let install = "for GenICam, install aravis 0.8 (Debian: libaravis-0.8-0)";
-    let (ok, found, remedy) = match (v4l2::SUPPORTED, genicam::load().is_ok()) {
-        (true, true) => (Health::Ok, "V4L2 and GenICam can be used", None),
-        (false, true) => (Health::Ok, "GenICam can be used, V4L2 not on this system", None),
-        (true, false) => {
-            (Health::Ok, "V4L2 can be used; for GenICam, aravis 0.8 is not installed", Some(install.into()))
-        }
-        (false, false) => (Health::Warn, "neither V4L2 nor GenICam can be used on this system", Some(install.into())),
-    };
-    checks.insert(0, Check { name: "cameras".into(), ok, found: found.into(), remedy });
+    checks.insert(0, cameras());
     let machine = Machine::here();
     let learned = match machine.learned.len() {
         0 => String::new(),
@@ -68,4 +59,24 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         return Err(Failure::Bound(format!("{bad} of {} checks are bad", checks.len())));
     }
     Ok(())
+}
+
+/// Kinds of cameras that this machine can use, with the packages for the others.
+fn cameras() -> Check {
+    let kinds = [
+        ("V4L2", v4l2::SUPPORTED, None),
+        ("GenICam", genicam::load().is_ok(), Some("for GenICam, install aravis 0.8 (Debian: libaravis-0.8-0)")),
+        ("gphoto2", gphoto2::load().is_ok(), Some("for digital cameras, install libgphoto2 (Debian: libgphoto2-6)")),
+    ];
+    let list = |usable: bool| -> Vec<&str> { kinds.iter().filter(|k| k.1 == usable).map(|k| k.0).collect() };
+    let (usable, missing) = (list(true), list(false));
+    let install: Vec<&str> = kinds.iter().filter(|k| !k.1).filter_map(|k| k.2).collect();
+    let remedy = (!install.is_empty()).then(|| install.join("; "));
+    let name = "cameras".to_owned();
+    let (ok, found) = match (usable.is_empty(), missing.is_empty()) {
+        (true, _) => (Health::Warn, "no kind of camera can be used on this system but photographs in a folder".into()),
+        (_, true) => (Health::Ok, format!("{} can be used", usable.join(", "))),
+        _ => (Health::Ok, format!("{} can be used; not available: {}", usable.join(", "), missing.join(", "))),
+    };
+    Check { name, ok, found, remedy }
 }

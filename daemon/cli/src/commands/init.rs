@@ -6,7 +6,7 @@ use nacre_base::progress::Progress;
 use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
 use nacre_capture::engine::BenchController;
-use nacre_capture::rig::{Rig, Uses, runtime};
+use nacre_capture::rig::{Rig, Uses, photography, runtime};
 use nacre_capture::setup::BenchSection;
 use nacre_drivers::camera::{CameraConfig, measure};
 use nacre_drivers::discovery::{Kind, Root, discover};
@@ -176,8 +176,9 @@ fn real(section: &mut BenchSection, console: &Console) -> Result<Trial, Failure>
     }
     let Some(config) = section.camera.clone() else { return Ok(trial) };
     let again = clock.clone();
+    let program = photography(&console.interrupted());
     let connect = Box::new(move || {
-        config.open(&again).unwrap_or_else(|| {
+        config.open(&again, &program).unwrap_or_else(|| {
             Err(nacre_drivers::DeviceError::new("camera", "open", "a device of this machine", "a simulated one"))
         })
     });
@@ -201,12 +202,15 @@ fn real(section: &mut BenchSection, console: &Console) -> Result<Trial, Failure>
 async fn first_frame(camera: &mut CameraHandle) -> Result<Frame, Failure> {
     let info = camera.describe();
     let exposure = EXPOSURE.clamp(seconds(info.exposure_s[0]), seconds(info.exposure_s[1]));
+    let exposure = seconds(info.at_most(exposure.as_secs_f64()));
     let controls = camera.configure(exposure, info.gain[0]).await?;
     let duration = controls.exposure + seconds(info.readout_s);
     let mut fresh = Freshness { steady_since: controls.set_at, first_sequence: 0, duration };
     let mut failures = 0;
     for _ in 0..20 + info.control_lag_frames {
-        let frame = measure::next_frame(camera, fresh, &mut failures).await?;
+        // Before the controls are certain, no frame is used, so that a still camera takes no photograph in vain.
+        let asked = if fresh.first_sequence == 0 { Freshness::NEVER } else { fresh };
+        let frame = measure::next_frame(camera, asked, &mut failures).await?;
         if fresh.first_sequence == 0 {
             let first = Freshness::first_with_controls(frame.stamp, controls.set_at, info.control_lag_frames);
             fresh.first_sequence = first.unwrap_or(0);

@@ -63,6 +63,8 @@ impl Opened {
             full_scale_e: None,
             read_noise_e: None,
             steady_exposures_s: settings.panel_refresh_hz.map_or(vec![], |hz| refresh_multiples(hz, self.exposures_s)),
+            exposure_choices_s: vec![],
+            by_hand: false,
             warnings: self.warnings.clone(),
         }
     }
