@@ -1,11 +1,12 @@
 //! Cameras.
 
+pub mod commanded;
 pub mod genicam;
 pub mod measure;
 pub mod pfnc;
 pub mod v4l2;
 
-use crate::{Camera, Class, Clock, DeviceError, DeviceResult};
+use crate::{Camera, Class, Clock, DeviceError, DeviceResult, alpaca, indi};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -29,6 +30,10 @@ pub enum CameraDriver {
     V4l2(v4l2::Settings),
     /// A GenICam camera: GigE Vision, USB3 Vision.
     Genicam(genicam::Settings),
+    /// A camera of an ASCOM Alpaca server.
+    Alpaca(alpaca::camera::Settings),
+    /// A camera of an INDI server.
+    Indi(indi::camera::Settings),
 }
 
 /// Answer of a camera without a shutter to [`Camera::cover`](crate::Camera::cover).
@@ -42,10 +47,11 @@ pub(crate) fn without_shutter(id: &str, closed: bool, now: Duration) -> DeviceRe
 }
 
 impl CameraConfig {
-    /// Setting for the number of frames until changed controls take effect; `None` for the simulated camera.
+    /// Setting for the number of frames until changed controls take effect; `None` for the simulated camera, and for
+    /// cameras that expose at a command.
     pub fn control_lag_frames(&mut self) -> Option<&mut u32> {
         match &mut self.driver {
-            CameraDriver::Simulated {} => None,
+            CameraDriver::Simulated {} | CameraDriver::Alpaca(_) | CameraDriver::Indi(_) => None,
             CameraDriver::V4l2(settings) => Some(&mut settings.control_lag_frames),
             CameraDriver::Genicam(settings) => Some(&mut settings.control_lag_frames),
         }
@@ -60,6 +66,8 @@ impl CameraConfig {
             CameraDriver::Simulated {} => None,
             CameraDriver::V4l2(settings) => Some(v4l2::open(settings, clock)),
             CameraDriver::Genicam(settings) => Some(genicam::open(settings, clock)),
+            CameraDriver::Alpaca(settings) => Some(alpaca::camera::open(settings, clock)),
+            CameraDriver::Indi(settings) => Some(indi::camera::open(settings, clock)),
         }
     }
 }
