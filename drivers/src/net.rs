@@ -95,7 +95,7 @@ fn left(until: Instant) -> io::Result<Duration> {
     Ok(left.max(SHORTEST))
 }
 
-/// Addresses of a host. The system's resolver has no deadline, so that it runs in a thread of its own.
+/// Addresses of a host. The system's resolver has no deadline, so that it runs in another thread.
 fn resolve(host: &str, port: u16, limit: Duration) -> io::Result<Vec<SocketAddr>> {
     if let Ok(ip) = host.parse::<IpAddr>() {
         return Ok(vec![SocketAddr::new(ip, port)]);

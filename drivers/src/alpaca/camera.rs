@@ -68,7 +68,7 @@ pub(crate) fn download_s() -> f64 {
     25.0
 }
 
-/// Checks what cameras of all servers have in common.
+/// Checks the settings that cameras of all servers have in common.
 pub(crate) fn check_common(answer_ms: u64, download_s: f64, region: Option<[u32; 4]>) -> Result<(), String> {
     if !(10..=20_000).contains(&answer_ms) {
         return Err(format!("answer_ms is {answer_ms}; give 10 to 20000"));
@@ -116,8 +116,13 @@ impl AlpacaCamera {
         }
         let colour: i32 = device.get_optional("sensortype", OPEN)?.unwrap_or(0);
         if colour == 1 {
-            return Err(DeviceError::new(device.id(), OPEN, "a monochrome camera or the mosaic of a sensor", "RGB pictures")
-                .remedy("choose the raw format in the settings of the camera's server"));
+            return Err(DeviceError::new(
+                device.id(),
+                OPEN,
+                "a monochrome camera or the mosaic of a sensor",
+                "RGB pictures",
+            )
+            .remedy("choose the raw format in the settings of the camera's server"));
         }
         let exposure_s = exposures(&mut device)?;
         let gains = gains(&mut device)?;
@@ -221,7 +226,9 @@ fn cooler(device: &mut Device) -> DeviceResult<Option<String>> {
     }
     let now = device.get_optional::<f64>("ccdtemperature", OPEN)?;
     let at = now.map_or_else(String::new, |now| format!(" at {now:.1} °C"));
-    Ok(Some(format!("the cooler of the sensor is off{at}, so that dark current varies: switch it on in the program of its server")))
+    Ok(Some(format!(
+        "the cooler of the sensor is off{at}, so that dark current varies: switch it on in the program of its server"
+    )))
 }
 
 impl Exposer for AlpacaCamera {

@@ -198,9 +198,9 @@ impl Device {
     pub fn get_optional<T: DeserializeOwned>(&mut self, property: &str, what: &str) -> DeviceResult<Option<T>> {
         match self.try_get(property, &[]) {
             Ok(value) => Ok(Some(value)),
-            Err(Fault::Refused(NOT_IMPLEMENTED | INVALID_OPERATION | VALUE_NOT_SET, _) | Fault::Status(400 | 404, _)) => {
-                Ok(None)
-            }
+            Err(
+                Fault::Refused(NOT_IMPLEMENTED | INVALID_OPERATION | VALUE_NOT_SET, _) | Fault::Status(400 | 404, _),
+            ) => Ok(None),
             Err(fault) => Err(self.error(what, property, &fault)),
         }
     }
@@ -266,7 +266,9 @@ impl Device {
                 error(format!("no connection to {server} ({e})")).remedy(reach).class(Class::Lost)
             }
             Fault::Http(Failure::Slow(limit)) => {
-                error(format!("no answer from {server} within {} ms", limit.as_millis())).remedy(reach).class(Class::Lost)
+                error(format!("no answer from {server} within {} ms", limit.as_millis()))
+                    .remedy(reach)
+                    .class(Class::Lost)
             }
             Fault::Http(Failure::Invalid(e)) | Fault::Nonsense(e) => error(e.clone())
                 .remedy(format!("check that {server} is an Alpaca server and fits the device, then try again"))
@@ -282,9 +284,9 @@ impl Device {
 /// Class and remedy of a device's error number.
 fn refused(error: DeviceError, number: i32) -> DeviceError {
     match number {
-        NOT_IMPLEMENTED | INVALID_VALUE | VALUE_NOT_SET | NO_SUCH_ACTION => {
-            error.remedy("the device cannot do this: correct its settings, or choose another device").class(Class::Setup)
-        }
+        NOT_IMPLEMENTED | INVALID_VALUE | VALUE_NOT_SET | NO_SUCH_ACTION => error
+            .remedy("the device cannot do this: correct its settings, or choose another device")
+            .class(Class::Setup),
         NOT_CONNECTED => error.remedy("check the device's power and cable, then resume the session").class(Class::Lost),
         _ => error.remedy("see the program of the server, then try again").class(Class::Retry),
     }
@@ -300,7 +302,8 @@ pub(crate) fn misconfigured(role: Role, wrong: String) -> DeviceError {
 /// Devices of a server.
 pub(crate) fn list(host: &str, port: u16, ids: &str, limit: Duration) -> Result<Vec<Listed>, Fault> {
     let target = format!("/management/v1/configureddevices?{ids}");
-    let request = Request { host, port, target: &target, form: None, accept: "application/json", most: MOST_LISTED, limit };
+    let request =
+        Request { host, port, target: &target, form: None, accept: "application/json", most: MOST_LISTED, limit };
     let answer = exchange(&request).map_err(Fault::Http)?;
     Ok(read_reply(&answer)?.unwrap_or_default())
 }
@@ -351,9 +354,15 @@ mod tests {
     #[test]
     fn answers_have_a_value_or_an_error() {
         let read = |status, body| read_reply::<f64>(&answer(status, body));
-        assert_eq!(read(200, r#"{"Value":1.5,"ErrorNumber":0,"ErrorMessage":"","ServerTransactionID":3}"#).unwrap(), Some(1.5));
+        assert_eq!(
+            read(200, r#"{"Value":1.5,"ErrorNumber":0,"ErrorMessage":"","ServerTransactionID":3}"#).unwrap(),
+            Some(1.5)
+        );
         assert_eq!(read(200, r#"{"ErrorNumber":0}"#).unwrap(), None);
-        assert!(matches!(read(200, r#"{"Value":0,"ErrorNumber":1024,"ErrorMessage":"no"}"#), Err(Fault::Refused(1024, _))));
+        assert!(matches!(
+            read(200, r#"{"Value":0,"ErrorNumber":1024,"ErrorMessage":"no"}"#),
+            Err(Fault::Refused(1024, _))
+        ));
         assert!(matches!(read(400, "bad"), Err(Fault::Status(400, _))));
         assert!(matches!(read(200, r#"{"Value":"x"}"#), Err(Fault::Nonsense(_))));
         assert!(matches!(read(200, "<html>"), Err(Fault::Nonsense(_))));

@@ -63,10 +63,8 @@ fn is_own(address: IpAddr) -> bool {
 
 /// Rotators, cameras and switches of the servers that answer.
 pub(crate) fn found(root: &Root) -> Vec<Found> {
-    let asked: Vec<_> = servers(root)
-        .into_iter()
-        .map(|server| std::thread::spawn(move || found_at(&server.to_string())))
-        .collect();
+    let asked: Vec<_> =
+        servers(root).into_iter().map(|server| std::thread::spawn(move || found_at(&server.to_string()))).collect();
     asked.into_iter().flat_map(|asked| asked.join().unwrap_or_default()).collect()
 }
 
@@ -108,7 +106,9 @@ mod tests {
     #[test]
     fn only_answers_of_servers_count() {
         assert_eq!(port(br#"{"AlpacaPort":11111}"#), Some(11_111));
-        for other in [&b"alpacadiscovery1"[..], b"", b"{}", br#"{"AlpacaPort":0}"#, br#"{"AlpacaPort":70000}"#, &[0; 512]] {
+        for other in
+            [&b"alpacadiscovery1"[..], b"", b"{}", br#"{"AlpacaPort":0}"#, br#"{"AlpacaPort":70000}"#, &[0; 512]]
+        {
             assert_eq!(port(other), None);
         }
     }
@@ -122,7 +122,10 @@ mod tests {
             unique_id: "u".into(),
         };
         let found = device("10.0.0.7:80", &listed("Rotator")).unwrap();
-        assert_eq!((found.kind, found.sure, found.what.as_str()), (Kind::Stage, true, "Alpaca rotator A B at 10.0.0.7:80"));
+        assert_eq!(
+            (found.kind, found.sure, found.what.as_str()),
+            (Kind::Stage, true, "Alpaca rotator A B at 10.0.0.7:80")
+        );
         assert_eq!(found.setting.unwrap(), "{ kind = \"alpaca\", address = \"10.0.0.7:80\", rotator = 2 }");
         assert!(!device("a", &listed("switch")).unwrap().sure);
         assert_eq!(device("a", &listed("Telescope")), None);

@@ -212,7 +212,8 @@ mod tests {
 
     #[test]
     fn bodies_have_a_length_chunks_or_the_end_of_the_connection() {
-        let sized = b"HTTP/1.1 200 OK\r\nContent-Type: Application/JSON; charset=utf-8\r\nContent-Length: 5\r\n\r\nhello more";
+        let sized =
+            b"HTTP/1.1 200 OK\r\nContent-Type: Application/JSON; charset=utf-8\r\nContent-Length: 5\r\n\r\nhello more";
         let answer = read(sized).unwrap();
         assert_eq!((answer.status, answer.content_type.as_str()), (200, "application/json"));
         assert_eq!(answer.body, b"hello");

@@ -1,6 +1,7 @@
 //! Pictures of Alpaca cameras in the format ImageBytes: eleven 32-bit words and the pixels, little-endian.
 //!
-//! The array's first index is the column, so that the pixels of a column follow each other. The first row is at the top.
+//! The array's first index is the column, so that the pixels of a column follow each other. The first row is at the
+//! top.
 
 /// Media type of the format.
 pub const MEDIA_TYPE: &str = "application/imagebytes";

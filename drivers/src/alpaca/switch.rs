@@ -55,7 +55,11 @@ impl AlpacaLamp {
         };
         let count: u32 = device.get("maxswitch", WHAT)?;
         if settings.id >= count {
-            return Err(wrong(&device, &format!("a switch {number}"), format!("switches 0 to {}", count.saturating_sub(1))));
+            return Err(wrong(
+                &device,
+                &format!("a switch {number}"),
+                format!("switches 0 to {}", count.saturating_sub(1)),
+            ));
         }
         if !device.get_of::<bool>("canwrite", WHAT, &[("Id", &number)])? {
             return Err(wrong(&device, "a switch that can be set", format!("the read-only switch {number}")));
@@ -80,7 +84,9 @@ impl Lamp for AlpacaLamp {
         let what = if on { "switch on" } else { "switch off" };
         match self.value.filter(|_| on) {
             Some(value) => self.device.put("setswitchvalue", what, &[("Id", &self.id), ("Value", &value.to_string())]),
-            None => self.device.put("setswitch", what, &[("Id", &self.id), ("State", if on { "True" } else { "False" })]),
+            None => {
+                self.device.put("setswitch", what, &[("Id", &self.id), ("State", if on { "True" } else { "False" })])
+            }
         }
     }
 

@@ -1,8 +1,8 @@
 //! A lamp behind an LCUS relay board: a CH340 adapter and one to eight relays, switched by four bytes at 9600 baud.
 //!
 //! Only some boards report their state, so the driver does not read it: the stated one is the commanded one, and the
-//! flash's identity says so. Each check of the state sends the command again, which fails if the board is gone. The relay keeps
-//! its state when the computer fails.
+//! flash's identity says so. Each check of the state sends the command again, which fails if the board is gone. The
+//! relay keeps its state when the computer fails.
 
 use super::lamp::{Lamp, Switchable, Timing};
 use crate::discovery::require;

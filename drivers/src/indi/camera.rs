@@ -235,7 +235,11 @@ impl Exposer for IndiCamera {
 
     fn start(&mut self, exposure_s: f64, dark: bool) -> DeviceResult<()> {
         if self.facts.shutter {
-            self.client.choose("choose the type of frame", FRAME_TYPE, if dark { "FRAME_DARK" } else { "FRAME_LIGHT" })?;
+            self.client.choose(
+                "choose the type of frame",
+                FRAME_TYPE,
+                if dark { "FRAME_DARK" } else { "FRAME_LIGHT" },
+            )?;
         }
         self.client.catch_up("start an exposure")?;
         self.client.known.blob = None;
@@ -283,7 +287,9 @@ impl Exposer for IndiCamera {
         };
         if self.client.wait_for(WHAT, limit, rests)?.is_none() {
             let error = self.client.error(WHAT, "an idle camera", "one that is still busy");
-            return Err(error.remedy("end the exposure in a client of INDI, then resume the session").class(Class::Retry));
+            return Err(error
+                .remedy("end the exposure in a client of INDI, then resume the session")
+                .class(Class::Retry));
         }
         self.client.known.blob = None;
         Ok(())

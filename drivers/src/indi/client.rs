@@ -76,7 +76,9 @@ impl Client {
                 true => "none with this name".to_owned(),
                 false => format!("only {}", names.join(", ")),
             };
-            return Err(self.error(WHAT, "the device on the server", got).remedy("correct `device`, or start its driver"));
+            return Err(self
+                .error(WHAT, "the device on the server", got)
+                .remedy("correct `device`, or start its driver"));
         }
         if self.known.switch("CONNECTION", "CONNECT") != Some(true) {
             let before = self.known.updates("CONNECTION");
@@ -164,7 +166,10 @@ impl Client {
         let kind = if matches!(values, [New::Switch(..), ..]) { "Switch" } else { "Number" };
         let values: String = values.iter().map(one).collect();
         let (device, property) = (escaped(&self.device), escaped(property));
-        self.write(what, &format!("<new{kind}Vector device=\"{device}\" name=\"{property}\">{values}</new{kind}Vector>\n"))
+        self.write(
+            what,
+            &format!("<new{kind}Vector device=\"{device}\" name=\"{property}\">{values}</new{kind}Vector>\n"),
+        )
     }
 
     /// Receives messages for at most `limit`; returns whether any arrived.
@@ -229,7 +234,9 @@ impl Client {
                 .remedy("see the device in a client of INDI, then try again")
                 .class(Class::Retry)),
             Some(Some(state)) => Ok(state),
-            Some(None) => Err(self.lost(what, format!("a device without {property}: its driver ended or was disconnected"))),
+            Some(None) => {
+                Err(self.lost(what, format!("a device without {property}: its driver ended or was disconnected")))
+            }
             None => Err(self.lost(what, format!("none within {} ms", limit.as_millis()))),
         }
     }

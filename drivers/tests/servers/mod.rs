@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 const INSIDE: &str = "NACRE_TEST_NETWORK";
 
 /// Sets up a private network and runs a command in it. A server that was killed can use its port again at once.
-const NETWORK: &str = "ip link set lo up && { echo 0 >/proc/sys/net/ipv4/tcp_max_tw_buckets; } 2>/dev/null; exec \"$0\" \"$@\"";
+const NETWORK: &str =
+    "ip link set lo up && { echo 0 >/proc/sys/net/ipv4/tcp_max_tw_buckets; } 2>/dev/null; exec \"$0\" \"$@\"";
 
 /// Runs a test in a private network; returns whether this process is within it.
 pub fn alone(test: &str, server: impl AsRef<Path>) -> bool {
@@ -41,7 +42,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Starts a server in a group of its own, and waits until it is ready.
+    /// Starts a server in a new process group, and waits until it is ready.
     pub fn start(command: &[&str], ready: impl Fn() -> bool) -> Self {
         use std::os::unix::process::CommandExt;
         let home = tempfile::tempdir().unwrap();

@@ -1,9 +1,10 @@
-//! A rotator with an analyser, a camera that sees a gradient through it, and two switches, one of them for a lamp:
-//!   alpaca-server ADDRESS:PORT [ID]
-//! ID is part of the devices' identifiers.
+//! An Alpaca server with a rotator, a camera and switches, for tests of Nacre's drivers.
 //!
-//! Without the lamp, pixel (x, y) of an exposure of t s has the code 200 + (20 x + 300 y) · (t / 0.01) · malus, and with
-//! it twice the signal; malus is (1 + 0.5 cos 2(angle - 30°)) / 1.5.
+//! `alpaca-server ADDRESS:PORT [ID]`; ID is part of the devices' identifiers.
+//!
+//! The camera sees a gradient of polarized light through the analyser on the rotator. Pixel (x, y) of an exposure of
+//! t s has the code 200 + (20 x + 300 y) · t / 0.01 s · m, with m = (1 + 0.5 cos 2(angle - 30°)) / 1.5. Switch 1 is a
+//! lamp, which doubles the signal.
 
 use ascom_alpaca::api::camera::{CameraState, ImageArray};
 use ascom_alpaca::api::{Camera, Device, Rotator, ServerInfo, Switch};

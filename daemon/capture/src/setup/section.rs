@@ -316,7 +316,10 @@ mod tests {
         assert_ne!(found, relay(serde_json::json!({ "kind": "relay", "path": "unix:/tmp/a" })));
         let alpaca = |settings| lock_name(&settings).unwrap();
         let rotator = alpaca(serde_json::json!({ "kind": "alpaca", "address": "A:1", "rotator": 0 }));
-        assert_eq!(rotator, alpaca(serde_json::json!({ "kind": "alpaca", "address": "a:1", "rotator": 0, "motion": {} })));
+        assert_eq!(
+            rotator,
+            alpaca(serde_json::json!({ "kind": "alpaca", "address": "a:1", "rotator": 0, "motion": {} }))
+        );
         assert_ne!(rotator, alpaca(serde_json::json!({ "kind": "alpaca", "address": "a:1", "camera": 0 })));
         assert_eq!(lock_name(&serde_json::json!({ "kind": "page", "size_mm": [1, 2] })), None);
     }

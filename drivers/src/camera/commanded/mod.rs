@@ -4,6 +4,9 @@
 //! A frame cannot be older than its command. A picture that arrives before the exposure can have ended belongs to an
 //! earlier command and is not used.
 
+#[cfg(test)]
+mod tests;
+
 use super::without_shutter;
 use crate::{Camera, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, Frame, Freshness, Stamp};
 use async_trait::async_trait;
