@@ -37,7 +37,7 @@ pub struct Settings {
     /// Name or number of the readout mode; default: as set in the server.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readout_mode: Option<String>,
-    /// Unit of the gain control.
+    /// Unit of the gain control. Cameras with a list of gains keep the one that is set in the server.
     #[serde(default)]
     pub gain: GainUnit,
     /// Offset in the camera's unit; default: as set in the server.
@@ -209,14 +209,11 @@ fn exposures(device: &mut Device) -> DeviceResult<[f64; 2]> {
         .remedy("choose another camera"))
 }
 
-/// Range of the gain: numbers from `GainMin` to `GainMax`, or the index in a list of names.
+/// Range of the gain; `None` without a control, and where the gains are a list of names, which is in no unit.
 fn gains(device: &mut Device) -> DeviceResult<Option<[f64; 2]>> {
-    let limits = (device.get_optional::<f64>("gainmin", OPEN)?, device.get_optional::<f64>("gainmax", OPEN)?);
-    if let (Some(low), Some(high)) = limits {
-        return Ok((low <= high && low.abs().max(high.abs()) < 1e9).then_some([low, high]));
-    }
-    let names: Option<Vec<String>> = device.get_optional("gains", OPEN)?;
-    Ok(names.filter(|names| !names.is_empty()).map(|names| [0.0, (names.len() - 1) as f64]))
+    let limits = [device.get_optional::<f64>("gainmin", OPEN)?, device.get_optional::<f64>("gainmax", OPEN)?];
+    let [Some(low), Some(high)] = limits else { return Ok(None) };
+    Ok((low <= high && low.abs().max(high.abs()) < 1e9).then_some([low, high]))
 }
 
 /// Warning for a sensor whose cooler is off. The driver changes no cooler.

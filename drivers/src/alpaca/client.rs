@@ -14,8 +14,8 @@ const MOST: usize = 64 * 1024;
 const MOST_LISTED: usize = 1024 * 1024;
 /// Longest text of a server in a message.
 const MAX_TEXT: usize = 300;
-/// Maximum time for a device to connect to its hardware.
-const CONNECTING: Duration = Duration::from_secs(30);
+/// Maximum time for a device to connect to its hardware, in answers. The guardian of a flash waits 6 s for it.
+const CONNECTING: u32 = 5;
 /// Interval of queries during that time.
 const POLL: Duration = Duration::from_millis(100);
 
@@ -131,8 +131,9 @@ impl Device {
         self.put("connected", "connect", &[("Connected", "True")])?;
         let begun = Instant::now();
         while !self.get::<bool>("connected", "connect")? {
-            if begun.elapsed() > CONNECTING {
-                return Err(DeviceError::new(&self.id, "connect", "a connected device", "none after 30 s")
+            if begun.elapsed() > CONNECTING * self.limit {
+                let got = format!("none after {:.1} s", begun.elapsed().as_secs_f64());
+                return Err(DeviceError::new(&self.id, "connect", "a connected device", got)
                     .remedy("check the device's power and cable, and its settings in the server"));
             }
             std::thread::sleep(POLL);

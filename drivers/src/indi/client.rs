@@ -8,10 +8,10 @@ use crate::{Class, DeviceError, DeviceResult};
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
-/// Maximum time for a device to connect to its hardware.
-const CONNECTING: Duration = Duration::from_secs(30);
-/// Maximum time for the definition of the properties of a connected device.
-const DEFINING: Duration = Duration::from_secs(10);
+/// Maximum times for a device to connect to its hardware, and to define a property, in answers. The guardian of a flash
+/// waits 6 s for both.
+const CONNECTING: u32 = 4;
+const DEFINING: u32 = 2;
 /// Longest wait in one call for messages.
 const SLICE: Duration = Duration::from_millis(50);
 /// Largest number of readings in one call, so that a flood of messages does not hold it up.
@@ -83,7 +83,7 @@ impl Client {
         if self.known.switch("CONNECTION", "CONNECT") != Some(true) {
             let before = self.known.updates("CONNECTION");
             self.send(WHAT, "CONNECTION", &[New::Switch("CONNECT", true)])?;
-            let connected = self.wait_for(WHAT, CONNECTING, |known| {
+            let connected = self.wait_for(WHAT, CONNECTING * self.limit, |known| {
                 let state = known.get("CONNECTION").filter(|p| p.updates > before && p.state != State::Busy)?.state;
                 Some(state != State::Alert && known.switch("CONNECTION", "CONNECT") == Some(true))
             })?;
@@ -94,7 +94,7 @@ impl Client {
             }
         }
         for property in required {
-            if self.wait_for(WHAT, DEFINING, |known| known.get(property).map(drop))?.is_none() {
+            if self.wait_for(WHAT, DEFINING * self.limit, |known| known.get(property).map(drop))?.is_none() {
                 return Err(self
                     .error(WHAT, format!("a property {property}"), "none")
                     .remedy("choose another device, or see its properties with `indi_getprop`"));
