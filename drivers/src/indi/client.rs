@@ -73,12 +73,12 @@ impl Client {
         if self.wait_for(WHAT, self.limit, |known| known.get("CONNECTION").map(drop))?.is_none() {
             let names = discovery::names(&self.address);
             let got = match names.is_empty() {
-                true => "none with this name".to_owned(),
+                true => format!("no answer from {} within {} ms", self.address, self.limit.as_millis()),
                 false => format!("only {}", names.join(", ")),
             };
             return Err(self
                 .error(WHAT, "the device on the server", got)
-                .remedy("correct `device`, or start its driver"));
+                .remedy("correct `device`, or start its driver in the server"));
         }
         if self.known.switch("CONNECTION", "CONNECT") != Some(true) {
             let before = self.known.updates("CONNECTION");
