@@ -84,11 +84,24 @@ impl Page {
         stream.write_all(request.as_bytes()).unwrap();
         let shown: Arc<Mutex<Vec<Value>>> = Arc::default();
         let (seen, reader) = (shown.clone(), BufReader::new(stream.try_clone().unwrap()));
+        let last: Arc<Mutex<Option<Value>>> = Arc::default();
+        let open = Arc::downgrade(&shown);
+        let beats = last.clone();
+        // A page repeats its acknowledgement while it is open.
+        std::thread::spawn(move || {
+            while open.upgrade().is_some() && TcpStream::connect(address).is_ok() {
+                if let Some(hash) = beats.lock().unwrap().clone() {
+                    acknowledge(address, &hash);
+                }
+                std::thread::sleep(Duration::from_secs(1));
+            }
+        });
         std::thread::spawn(move || {
             let event = |line: String| serde_json::from_str(line.strip_prefix("data:")?.trim()).ok();
             let events = reader.lines().map_while(Result::ok).filter_map(event);
             events.for_each(|event: Value| {
                 seen.lock().unwrap().push(event["pattern"].clone());
+                *last.lock().unwrap() = Some(event["hash"].clone());
                 acknowledge(address, &event["hash"]);
             });
         });

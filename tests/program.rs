@@ -15,6 +15,7 @@ mod chart;
 mod command_line;
 mod connections;
 mod contained;
+mod device_servers;
 mod disk;
 mod emulated;
 mod estimates;

@@ -4,6 +4,7 @@
 //! `InterlockDriver` list the drivers. The simulated bench implements the same traits.
 
 pub mod actor;
+pub mod alpaca;
 pub mod camera;
 pub mod clock;
 pub mod discovery;
@@ -14,8 +15,10 @@ pub mod flash;
 pub mod freshness;
 pub mod handles;
 pub mod hid;
+pub mod indi;
 pub mod interlock;
 pub mod lock;
+mod net;
 pub mod socket_transport;
 pub mod stage;
 pub mod traits;

@@ -425,6 +425,33 @@ def by_order(files):
     return (bytes([0 if data[:2] == b"II" else 1]) + data[4:] for data in files)
 
 
+# --- Device servers ------------------------------------------------------------------------------------------------------------
+
+
+def ccd_fits(width=2, height=2, more=("BZERO   = 32768",)):
+    cards = ["SIMPLE  = T", "BITPIX  = 16", "NAXIS   = 2", f"NAXIS1  = {width}", f"NAXIS2  = {height}", "EXPTIME = 0.05", *more, "END"]
+    header = "".join(f"{card:<80}" for card in cards).encode()
+    return header.ljust(2880) + bytes(range(2 * width * height))
+
+
+def indi_messages():
+    vector = '<defNumberVector device="R" name="A" state="Idle"><defNumber name="X" min="0" max="360">1:30</defNumber></defNumberVector>'
+    update = '<!-- it\'s --><setNumberVector device="R" name="A" state="Busy"><oneNumber name="X">\n5\n</oneNumber></setNumberVector>'
+    blob = '<setBLOBVector device="R" name="CCD1"><oneBLOB name="CCD1" size="2888" format="{}">{}</oneBLOB></setBLOBVector>'
+    plain, packed = (base64.b64encode(data).decode() for data in (ccd_fits(), zlib.compress(ccd_fits())))
+    texts = [vector + update, '<delProperty device="R"/>', blob.format(".fits", plain), blob.format(".fits.z", packed)]
+    return [b"\7\0" + text.encode() for text in texts] + [b"\0\0" + ccd_fits(), b"\0\0" + ccd_fits(more=["ROWORDER= 'BOTTOM-UP'"])]
+
+
+def alpaca_answers():
+    listed = b'{"Value":[{"DeviceName":"R","DeviceType":"Rotator","DeviceNumber":0,"UniqueID":"u"}],"ErrorNumber":0,"ErrorMessage":""}'
+    head = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n"
+    sized = head + b"Content-Length: %d\r\n\r\n" % len(listed) + listed
+    chunked = head + b"Transfer-Encoding: chunked\r\n\r\n%x\r\n" % len(listed) + listed + b"\r\n0\r\n\r\n"
+    picture = struct.pack("<11i", 1, 0, 1, 1, 44, 2, 8, 2, 2, 3, 0) + bytes(12)
+    return [sized, chunked, listed, b'{"AlpacaPort":11111}', picture]
+
+
 SEEDS = {
     "image": lambda: [*pngs(), *jpegs(), WEBP, *tiffs(), *exrs(), golden.environment(4, 2)],
     "image_plain": lambda: marked(plains()),
@@ -443,6 +470,8 @@ SEEDS = {
     "bench_answers": bench_answers,
     "rest": requests,
     "v4l2_payload": payloads,
+    "alpaca": alpaca_answers,
+    "indi": indi_messages,
 }
 
 # Schemas whose words a target's inputs are made of.

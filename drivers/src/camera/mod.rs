@@ -1,5 +1,6 @@
 //! Cameras.
 
+pub mod commanded;
 pub mod folder;
 pub mod genicam;
 pub mod gphoto2;
@@ -8,7 +9,7 @@ pub mod pfnc;
 pub mod photograph;
 pub mod v4l2;
 
-use crate::{Camera, Class, Clock, DeviceError, DeviceResult};
+use crate::{Camera, Class, Clock, DeviceError, DeviceResult, alpaca, indi};
 use photograph::Photography;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -37,6 +38,10 @@ pub enum CameraDriver {
     Gphoto2(gphoto2::Settings),
     /// Photographs that another program or a memory card puts into a folder.
     Folder(folder::Settings),
+    /// A camera of an ASCOM Alpaca server.
+    Alpaca(alpaca::camera::Settings),
+    /// A camera of an INDI server.
+    Indi(indi::camera::Settings),
 }
 
 /// Answer of a camera without a shutter to [`Camera::cover`](crate::Camera::cover).
@@ -50,11 +55,15 @@ pub(crate) fn without_shutter(id: &str, closed: bool, now: Duration) -> DeviceRe
 }
 
 impl CameraConfig {
-    /// Setting for the number of frames until changed controls take effect; `None` for the simulated camera, and
-    /// for those that take photographs on command.
+    /// Setting for the number of frames until changed controls take effect; `None` for the simulated camera, and for
+    /// cameras that expose at a command.
     pub fn control_lag_frames(&mut self) -> Option<&mut u32> {
         match &mut self.driver {
-            CameraDriver::Simulated {} | CameraDriver::Gphoto2(_) | CameraDriver::Folder(_) => None,
+            CameraDriver::Simulated {}
+            | CameraDriver::Gphoto2(_)
+            | CameraDriver::Folder(_)
+            | CameraDriver::Alpaca(_)
+            | CameraDriver::Indi(_) => None,
             CameraDriver::V4l2(settings) => Some(&mut settings.control_lag_frames),
             CameraDriver::Genicam(settings) => Some(&mut settings.control_lag_frames),
         }
@@ -71,6 +80,8 @@ impl CameraConfig {
             CameraDriver::Genicam(settings) => Some(genicam::open(settings, clock)),
             CameraDriver::Gphoto2(settings) => Some(gphoto2::open(settings, clock, program)),
             CameraDriver::Folder(settings) => Some(folder::open(settings, clock, program)),
+            CameraDriver::Alpaca(settings) => Some(alpaca::camera::open(settings, clock)),
+            CameraDriver::Indi(settings) => Some(indi::camera::open(settings, clock)),
         }
     }
 }

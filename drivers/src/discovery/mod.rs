@@ -24,6 +24,7 @@ pub use sysfs::{Root, Usb};
 pub use usb::usb_devices;
 
 pub(crate) use access::check;
+pub(crate) use routes::broadcast_addresses;
 pub(crate) use sysfs::{bytes, entries, name, text};
 
 use serde::{Deserialize, Serialize};
@@ -74,6 +75,14 @@ pub enum Kind {
 pub fn discover(root: &Root) -> Vec<Found> {
     let (mut found, network) = discover_apart(root);
     found.extend(network.into_iter().map(|camera| camera.found));
+    found
+}
+
+/// Devices of ASCOM Alpaca servers on the networks, and of an INDI server on this computer. Takes about a second.
+pub fn discover_servers(root: &Root) -> Vec<Found> {
+    let indi = std::thread::spawn(crate::indi::discovery::found);
+    let mut found = crate::alpaca::discovery::found(root);
+    found.extend(indi.join().unwrap_or_default());
     found
 }
 

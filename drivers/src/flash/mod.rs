@@ -1,4 +1,4 @@
-//! Flashes: lamps switched over USB or a serial line.
+//! Flashes: lamps switched over USB, a serial line or the network.
 
 pub mod blink1;
 pub mod bulk;
@@ -9,7 +9,7 @@ pub mod serial_line;
 
 pub use lamp::{Lamp, Switchable, Timing};
 
-use crate::{Class, Clock, DeviceError, DeviceResult, Flash};
+use crate::{Class, Clock, DeviceError, DeviceResult, Flash, alpaca, indi};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -53,6 +53,10 @@ pub enum FlashDriver {
     Lcus(lcus::Settings),
     /// A lamp switched by a control line of a serial port.
     SerialLine(serial_line::Settings),
+    /// A lamp behind a switch of an ASCOM Alpaca server.
+    Alpaca(alpaca::switch::Settings),
+    /// A light box or switch of an INDI server.
+    Indi(indi::lamp::Settings),
 }
 
 impl FlashConfig {
@@ -77,6 +81,8 @@ impl FlashConfig {
             FlashDriver::Bulk(settings) => Some(bulk::open(settings, timing, clock)),
             FlashDriver::Lcus(settings) => Some(lcus::open(settings, timing, clock)),
             FlashDriver::SerialLine(settings) => Some(serial_line::open(settings, timing, clock)),
+            FlashDriver::Alpaca(settings) => Some(alpaca::switch::open(settings, timing, clock)),
+            FlashDriver::Indi(settings) => Some(indi::lamp::open(settings, timing, clock)),
         }
     }
 

@@ -1,17 +1,18 @@
 //! Rotation stages. Each driver turns its axis in degrees; [`Mounted`] converts axis angles to analyser angles.
 
-mod check;
+pub(crate) mod check;
 pub mod elliptec;
 pub mod grbl;
 mod hand;
 pub mod line;
 mod mount;
+pub mod rotator;
 mod zero;
 
 pub use hand::{HandStage, Prompt};
 pub use mount::{Mounted, Mounting, Sense};
 
-use crate::{Class, Clock, DeviceError, DeviceResult, Stage};
+use crate::{Class, Clock, DeviceError, DeviceResult, Stage, alpaca, indi};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -39,6 +40,10 @@ pub enum StageDriver {
     Elliptec(elliptec::Settings),
     /// A rotary axis on a motor controller that runs GRBL 1.1.
     Grbl(grbl::Settings),
+    /// A rotator of an ASCOM Alpaca server.
+    Alpaca(alpaca::rotator::Settings),
+    /// A rotator of an INDI server.
+    Indi(indi::rotator::Settings),
     /// A stage with a text protocol, which is described here.
     Line(Box<line::Settings>),
 }
@@ -56,6 +61,8 @@ impl StageConfig {
             StageDriver::Simulated {} | StageDriver::Hand {} => return None,
             StageDriver::Elliptec(settings) => boxed(elliptec::Elliptec::open(settings, clock.clone())),
             StageDriver::Line(settings) => boxed(line::LineStage::open(settings, clock.clone())),
+            StageDriver::Alpaca(settings) => alpaca::rotator::open(settings, clock.clone()),
+            StageDriver::Indi(settings) => indi::rotator::open(settings, clock.clone()),
             StageDriver::Grbl(settings) => boxed(grbl::Grbl::open(settings, clock.clone())),
         };
         Some(axis.map(|axis| Box::new(Mounted::new(axis, self.mounting)) as Box<dyn Stage>))

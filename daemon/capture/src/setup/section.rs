@@ -233,7 +233,7 @@ impl BenchSection {
 
 /// Driver settings for the connection of a device and its time limits; its identity shows whether it is the same
 /// device.
-const REACH: [&str; 14] = [
+const REACH: [&str; 17] = [
     "port",
     "baud",
     "address",
@@ -248,6 +248,9 @@ const REACH: [&str; 14] = [
     "start_ms",
     "move_ms",
     "home_ms",
+    "rotator",
+    "camera",
+    "switch",
 ];
 
 fn forget(value: &mut Value, keys: &[&str]) {
@@ -282,6 +285,11 @@ pub fn lock_name(driver: &Value) -> Option<(String, String)> {
             socket.canonicalize().unwrap_or_else(|_| socket.to_path_buf()).to_string_lossy().into_owned()
         }
         ("relay" | "blink1" | "bulk", _) => String::new(),
+        ("alpaca" | "indi", _) => {
+            let part = |key: &str| Some(format!("{key} {}", driver.get(key)?.to_string().to_ascii_lowercase()));
+            let parts = ["address", "rotator", "camera", "switch", "device"].into_iter().filter_map(part);
+            parts.collect::<Vec<_>>().join(" ")
+        }
         (_, path) => {
             let path = path.unwrap_or_default();
             let node = Path::new(path).canonicalize().unwrap_or_default();
@@ -309,6 +317,13 @@ mod tests {
         let found = relay(serde_json::json!({ "kind": "relay", "channel": 1 }));
         assert_eq!(found, relay(serde_json::json!({ "kind": "relay", "serial": "6QMBS", "path": "/dev/nacre-relay" })));
         assert_ne!(found, relay(serde_json::json!({ "kind": "relay", "path": "unix:/tmp/a" })));
+        let alpaca = |settings| lock_name(&settings).unwrap();
+        let rotator = alpaca(serde_json::json!({ "kind": "alpaca", "address": "A:1", "rotator": 0 }));
+        assert_eq!(
+            rotator,
+            alpaca(serde_json::json!({ "kind": "alpaca", "address": "a:1", "rotator": 0, "motion": {} }))
+        );
+        assert_ne!(rotator, alpaca(serde_json::json!({ "kind": "alpaca", "address": "a:1", "camera": 0 })));
         assert_eq!(lock_name(&serde_json::json!({ "kind": "page", "size_mm": [1, 2] })), None);
     }
 

@@ -4,7 +4,7 @@ use super::bench::BenchArgs;
 use crate::console::Console;
 use nacre_capture::Failure;
 use nacre_capture::rig::Described;
-use nacre_drivers::discovery::{Access, Found, Kind, Root, discover, udev_rules};
+use nacre_drivers::discovery::{Access, Found, Kind, Root, discover, discover_servers, udev_rules};
 use nacre_drivers::{CameraInfo, DeviceError, DeviceLock, DeviceResult, DisplayInfo, FlashInfo, StageInfo};
 use serde::Serialize;
 use std::fmt::Write;
@@ -54,8 +54,11 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     if args.bench.is_given() || args.bench.sim {
         return described(args, console);
     }
-    let found: Vec<Found> =
-        discover(&Root::default()).into_iter().filter(|f| args.all || f.kind != Kind::Other).collect();
+    // Both wait about a second for answers.
+    let servers = std::thread::spawn(|| discover_servers(&Root::default()));
+    let mut found = discover(&Root::default());
+    found.extend(servers.join().unwrap_or_default());
+    let found: Vec<Found> = found.into_iter().filter(|f| args.all || f.kind != Kind::Other).collect();
     console.result(&plugged_in(&found), &found.iter().map(Listed::from).collect::<Vec<_>>());
     Ok(())
 }
