@@ -7,7 +7,6 @@ mod servers;
 
 use nacre_drivers::alpaca::{self, discovery};
 use nacre_drivers::camera::commanded::GainUnit;
-use nacre_drivers::camera::{CameraConfig, CameraDriver};
 use nacre_drivers::discovery::{Kind, Root, discover_servers};
 use nacre_drivers::flash::{FlashConfig, FlashDriver};
 use nacre_drivers::stage::{Mounting, StageConfig, StageDriver};
@@ -45,8 +44,7 @@ fn toml<T: serde::de::DeserializeOwned>(text: &str) -> T {
 }
 
 fn camera(more: &str) -> DeviceResult<Box<dyn Camera>> {
-    let driver = CameraDriver::Alpaca(toml(&format!("address = \"{ADDRESS}\"\n{more}")));
-    CameraConfig { driver }.open(&clock()).unwrap()
+    alpaca::camera::open(&toml(&format!("address = \"{ADDRESS}\"\n{more}")), &clock())
 }
 
 fn flash(more: &str) -> DeviceResult<Box<dyn Flash>> {

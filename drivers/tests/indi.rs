@@ -5,10 +5,9 @@
 #[path = "servers/mod.rs"]
 mod servers;
 
-use nacre_drivers::camera::{CameraConfig, CameraDriver};
 use nacre_drivers::discovery::{Kind, Root, discover_servers};
 use nacre_drivers::flash::{FlashConfig, FlashDriver};
-use nacre_drivers::indi::discovery;
+use nacre_drivers::indi::{self, discovery};
 use nacre_drivers::stage::{Mounting, StageConfig, StageDriver};
 use nacre_drivers::{Camera, Class, Clock, DeviceResult, Flash, Frame, Freshness, Stage, SystemClock};
 use servers::{Server, alone, run, settings};
@@ -40,7 +39,7 @@ fn stage(more: &str) -> DeviceResult<Box<dyn Stage>> {
 
 fn camera(more: &str) -> DeviceResult<Box<dyn Camera>> {
     let text = format!("device = \"CCD Simulator\"\n{more}");
-    CameraConfig { driver: CameraDriver::Indi(settings(&text)) }.open(&clock()).unwrap()
+    indi::camera::open(&settings(&text), &clock())
 }
 
 fn flash(more: &str) -> DeviceResult<Box<dyn Flash>> {
@@ -268,11 +267,11 @@ fn devices_are_found_and_missing_ones_named() {
     let line = "{ kind = \"indi\", address = \"localhost:7624\", device = \"Rotator Simulator\" }";
     assert_eq!(found[2].setting.as_deref(), Some(line));
     let text = "device = \"Rotator\"\nanswer_ms = 500";
-    let error = CameraConfig { driver: CameraDriver::Indi(settings(text)) }.open(&clock()).unwrap().err().unwrap();
+    let error = indi::camera::open(&settings(text), &clock()).err().unwrap();
     println!("{error}");
     assert!(error.class == Class::Setup && error.got.contains("Light Panel Simulator, Rotator Simulator"), "{error}");
     // A device of another kind lacks the properties.
     let text = "device = \"Light Panel Simulator\"";
-    let error = CameraConfig { driver: CameraDriver::Indi(settings(text)) }.open(&clock()).unwrap().err().unwrap();
+    let error = indi::camera::open(&settings(text), &clock()).err().unwrap();
     assert!(error.class == Class::Setup && error.expected.contains("CCD_EXPOSURE"), "{error}");
 }

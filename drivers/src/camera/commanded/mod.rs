@@ -252,6 +252,8 @@ impl<E: Exposer> Camera for CommandedCamera<E> {
             shutter: facts.shutter,
             full_scale_e: None,
             read_noise_e: None,
+            exposure_choices_s: vec![],
+            by_hand: false,
             steady_exposures_s: facts.steady_exposures_s.clone(),
             warnings: facts.warnings.clone(),
         }
