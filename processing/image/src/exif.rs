@@ -105,8 +105,8 @@ fn seconds(date: &[u8]) -> Option<f64> {
 fn part(digits: &[u8]) -> Option<[f64; 2]> {
     let text = std::str::from_utf8(digits).ok()?.trim();
     let valid = (1..=9).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit());
-    let resolution = 0.1_f64.powi(i32::try_from(text.len()).ok()?);
-    text.parse::<f64>().ok().filter(|_| valid).map(|number| [number * resolution, resolution])
+    let scale = 10_f64.powi(i32::try_from(text.len()).ok()?);
+    text.parse::<f64>().ok().filter(|_| valid).map(|number| [number / scale, 1.0 / scale])
 }
 
 /// Reads the Exif tags of a file and applies a function to them.
@@ -181,7 +181,7 @@ mod tests {
         for wrong in ["", "    :  :     :  :  ", "2024:13:01 00:00:00", "2024:00:10 00:00:00", "0000:00:00 00:00:00"] {
             assert_eq!(seconds(wrong.as_bytes()), None, "{wrong}");
         }
-        assert_eq!(part(b"25"), Some([0.25, 0.1_f64.powi(2)]));
+        assert_eq!(part(b"25"), Some([0.25, 0.01]));
         assert_eq!([part(b""), part(b"x"), part(b"12345678901"), part(b"-1")], [None; 4]);
         assert_eq!(words(b" Acme\0\x07 Eye "), Some("Acme Eye".into()));
         assert_eq!(words(b" \0"), None);
