@@ -60,8 +60,19 @@ fn property(name: &str) -> String {
     String::from_utf8(read.stdout).unwrap().trim().to_owned()
 }
 
-fn set(property: &str) {
-    assert!(std::process::Command::new("indi_setprop").arg(property).status().unwrap().success());
+/// Sets a property with INDI's own client, which does not wait for the device: this does.
+fn set_until(name: &str, value: &str, taken: impl Fn(&str) -> bool) {
+    let new = format!("{name}={value}");
+    assert!(std::process::Command::new("indi_setprop").arg(new).status().unwrap().success());
+    let begun = Instant::now();
+    while !taken(&property(name)) {
+        assert!(begun.elapsed() < NEVER, "{name} stays {}", property(name));
+    }
+}
+
+/// Switches an element on.
+fn switch_on(name: &str) {
+    set_until(name, "On", |now| now == "On");
 }
 
 #[test]
@@ -72,7 +83,7 @@ fn a_rotator_turns_and_stops() {
     let _server = start();
     // The sense is that of the configuration.
     drop(stage("").unwrap());
-    set("Rotator Simulator.ROTATOR_REVERSE.INDI_ENABLED=On");
+    switch_on("Rotator Simulator.ROTATOR_REVERSE.INDI_ENABLED");
     let mut stage = stage("").unwrap();
     assert_eq!(property("Rotator Simulator.ROTATOR_REVERSE.INDI_ENABLED"), "Off");
     let info = stage.describe();
@@ -94,7 +105,8 @@ fn a_rotator_turns_and_stops() {
     println!("stopped at {at}°");
     assert!(at > 0.0 && at < 119.0);
     // Another program turns it.
-    set(&format!("Rotator Simulator.ABS_ROTATOR_ANGLE.ANGLE={}", at + 20.0));
+    let moved = |now: &str| now.parse::<f64>().is_ok_and(|angle| (angle - at).abs() > 0.5);
+    set_until("Rotator Simulator.ABS_ROTATOR_ANGLE.ANGLE", &format!("{}", at + 20.0), moved);
     let begun = Instant::now();
     let error = loop {
         match run(stage.position()) {
@@ -157,7 +169,8 @@ fn an_exposure_of_another_program_does_not_pass() {
     let mut camera = camera("region = [0, 0, 64, 48]").unwrap();
     let exposure = MS * 300;
     run(camera.configure(exposure, 1.0)).unwrap();
-    set("CCD Simulator.CCD_EXPOSURE.CCD_EXPOSURE_VALUE=20");
+    let runs = |now: &str| now.parse::<f64>().is_ok_and(|left| left > 2.0);
+    set_until("CCD Simulator.CCD_EXPOSURE.CCD_EXPOSURE_VALUE", "20", runs);
     let begun = Instant::now();
     // The first frame ends the exposure that is running.
     next(camera.as_mut(), exposure).unwrap();
@@ -174,7 +187,7 @@ fn pictures_may_be_compressed_by_the_server() {
     let mut camera = camera("region = [0, 0, 64, 48]").unwrap();
     run(camera.configure(MS * 20, 1.0)).unwrap();
     // Another program switches compression on after this one switched it off.
-    set("CCD Simulator.CCD_COMPRESSION.INDI_ENABLED=On");
+    switch_on("CCD Simulator.CCD_COMPRESSION.INDI_ENABLED");
     match next(camera.as_mut(), MS * 20) {
         Ok(frame) => assert_eq!(frame.codes.len(), 64 * 48),
         // Newer servers use fpack.
@@ -200,7 +213,7 @@ fn a_light_box_is_read_back_and_off_at_the_end() {
     assert!(!run(lamp.switch(false)).unwrap().on && !run(lamp.is_on()).unwrap());
     assert_eq!(lit(), "Off");
     // Another program switches it.
-    set("Light Panel Simulator.FLAT_LIGHT_CONTROL.FLAT_LIGHT_ON=On");
+    switch_on("Light Panel Simulator.FLAT_LIGHT_CONTROL.FLAT_LIGHT_ON");
     let error = run(lamp.is_on()).unwrap_err();
     assert!(error.class == Class::Stop && error.got.contains("on"), "{error}");
     drop(lamp);

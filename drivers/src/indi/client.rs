@@ -100,6 +100,8 @@ impl Client {
                     .remedy("choose another device, or see its properties with `indi_getprop`"));
             }
         }
+        // Its answer follows the definitions of all properties, so that optional ones are known, too.
+        self.read(WHAT, "CONNECTION")?;
         let driver = self.known.text("DRIVER_INFO", "DRIVER_EXEC").unwrap_or_default();
         let driver: String = driver.chars().filter(|c| !c.is_control()).take(80).collect();
         self.id = format!("indi {} ({driver}) at {}", self.device, self.address);
