@@ -2,7 +2,7 @@
 //!
 //! Drivers do not decode files. The program passes a [`PhotographReader`] to them, which limits memory and time.
 //!
-//! A photograph that was triggered after the last change of the bench is fresh by construction. [`Shutter`] numbers
+//! A photograph that was triggered after the last change of the bench is fresh by construction. `Shutter` numbers
 //! photographs accordingly, and answers requests for any frame without an exposure.
 
 use crate::{CameraInfo, Class, Clock, DeviceError, DeviceResult, Frame, Freshness, Prompt, Stamp};
