@@ -6,6 +6,7 @@
 
 use crate::panel::Page;
 use nacre_processing::image::read_exr;
+use nacre_tests::fault_table::record;
 use nacre_tests::http::{Service, begin, exchange, finished};
 use nacre_tests::{Place, nacre};
 use serde_json::{Value, json};
@@ -273,7 +274,7 @@ fn steps() -> Vec<usize> {
 
 /// A server that is killed in a session, and returns, completes the session.
 fn lost_and_found(kind: Kind) {
-    let (mut left, mut tries) = (steps(), 0);
+    let (mut left, mut tries, mut message) = (steps(), 0, String::new());
     while let Some(step) = left.pop() {
         let mut server = Some(Server::start(kind));
         let (place, service) = bench(kind);
@@ -296,6 +297,7 @@ fn lost_and_found(kind: Kind) {
         }
         let told = stopped["error"].as_str().unwrap();
         assert!(told.contains(&host()) || told.contains(" id "), "{told}");
+        message = told.replace(&host(), "127.0.0.1");
         let dark = Instant::now();
         while page.shown.lock().unwrap().last().is_none_or(|p| p["kind"] != "black") {
             assert!(dark.elapsed() < NEVER);
@@ -308,6 +310,7 @@ fn lost_and_found(kind: Kind) {
         nacre(["check", session(&place).to_str().unwrap()]).expect(0);
         drop((page, service, server));
     }
+    record(if kind == Kind::Alpaca { "alpaca" } else { "indi" }, "server killed", &steps(), &message);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
+use nacre_tests::fault_table::{document, section};
 use nacre_tests::{BENCH, BenchProcess, PLAN, Place, Run, data, light, nacre};
 use std::fmt::Write;
 use std::fs;
@@ -242,7 +243,8 @@ fn every_fault_at_every_step_is_passed_over_or_named_and_the_session_completed()
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     fs::write(top.join("target/faults.md"), &text).unwrap();
     if std::env::var_os("NACRE_UPDATE_DOCS").is_some() {
-        fs::write(top.join("docs/validation/faults.md"), &text).unwrap();
+        let old = fs::read_to_string(document()).unwrap();
+        fs::write(document(), text + "\n" + section(&old)).unwrap();
     }
     let named = outcomes.iter().flatten().count();
     println!("{named} of {} sessions with faults ended with an error", outcomes.len());

@@ -5,6 +5,7 @@
 use crate::gphoto2::session;
 use crate::panel::Page;
 use crate::still::{Tags, camera_time, completed, dng, jpeg};
+use nacre_tests::fault_table::{committed, record};
 use nacre_tests::http::{Service, begin};
 use nacre_tests::{BENCH, BenchProcess, Place, nacre, test_data};
 use serde_json::{Value, json};
@@ -148,6 +149,8 @@ fn a_camera_with_other_settings_stops_the_session_until_it_is_set() {
     bench.service.post(&format!("{base}/resume"), &json!({})).expect(202);
     let done = bench.service.until(&base, |s| s["state"] == "finished");
     assert_eq!(done["frames_committed"], 2, "{done}");
+    let told = told.replace(&bench.place.text("photographs"), "/photographs");
+    record("folder", "another exposure set on the camera", &[committed(&stopped)], &told);
     assert_eq!(bench.asked.lock().unwrap().len(), 3);
 }
 

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 use crate::panel::Page;
+use nacre_tests::fault_table::record;
 use nacre_tests::http::{Service, begin, finished};
 use nacre_tests::{BENCH, BenchProcess, NEVER, Place, analyser_deg, listing, nacre};
 use serde_json::{Value, json};
@@ -181,7 +182,7 @@ fn a_camera_that_is_unplugged_and_returns_completes_the_session() {
     if !alone("a_camera_that_is_unplugged_and_returns_completes_the_session") {
         return;
     }
-    let (mut left, mut tries) = (steps(), 0);
+    let (mut left, mut tries, mut message) = (steps(), 0, String::new());
     while let Some(step) = left.pop() {
         let mut simulator = Some(Simulator::start());
         let bench = Bench::start();
@@ -202,6 +203,7 @@ fn a_camera_that_is_unplugged_and_returns_completes_the_session() {
         }
         let told = stopped["error"].as_str().unwrap();
         assert!(told.contains("Aravis") && told.contains(&serial()), "{told}");
+        message = told.replace(&serial(), "N12345");
         assert!(begun.elapsed() < NEVER);
         // The panel is black while the session waits.
         let dark = Instant::now();
@@ -221,6 +223,7 @@ fn a_camera_that_is_unplugged_and_returns_completes_the_session() {
         drop((page, bench));
         drop(simulator);
     }
+    record("genicam", "camera killed", &steps(), &message);
 }
 
 /// `nacre devices` and `nacre doctor` name the camera, its network and the program that controls it.

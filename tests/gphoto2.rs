@@ -5,6 +5,7 @@
 
 use crate::panel::Page;
 use crate::still::{Tags, camera_time, completed, jpeg};
+use nacre_tests::fault_table::{committed, record};
 use nacre_tests::http::{Service, begin};
 use nacre_tests::{BENCH, BenchProcess, NEVER, Place, analyser_deg, nacre};
 use serde_json::{Value, json};
@@ -150,6 +151,7 @@ fn a_full_memory_card_stops_a_session_in_the_dark() {
     println!("{}", stopped["error"]);
     let told = stopped["error"].as_str().unwrap();
     assert!(told.contains("ran full") && told.contains("empty it"), "{told}");
+    record("gphoto2", "memory full (not resumed)", &[committed(&stopped)], told);
     let dark = Instant::now();
     while page.shown.lock().unwrap().last().is_none_or(|p| p["kind"] != "black") {
         assert!(dark.elapsed() < NEVER);

@@ -3,6 +3,7 @@
 #![allow(clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
 pub mod chromium;
+pub mod fault_table;
 pub mod http;
 
 use nacre_sim::socket::RemoteBench;
