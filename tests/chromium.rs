@@ -123,11 +123,9 @@ impl Browser {
                 200 => self.ask("POST", &format!("/element/{}/click", reference(&found.json()["value"])), &json!({})),
                 _ => found,
             };
-            // The page may replace the element in the meantime.
-            let replaced = ["stale element reference", "no such element"].map(Value::from);
-            if clicked.status == 404
-                && replaced.contains(&clicked.json()["value"]["error"])
-                && begun.elapsed() < PATIENCE
+            // The page may replace or move the element in the meantime.
+            let moved = ["stale element reference", "no such element", "element click intercepted"].map(Value::from);
+            if clicked.status != 200 && moved.contains(&clicked.json()["value"]["error"]) && begun.elapsed() < PATIENCE
             {
                 continue;
             }

@@ -29,7 +29,7 @@ fn driven(place: &Place, display: &str) -> (BenchProcess, Service) {
 
 #[test]
 fn the_service_drives_devices_and_stop_cuts_their_movements_short() {
-    let place = Place::with_bench("", &format!("{BENCH}stage = {{ speed_deg_s = 60 }}\n"));
+    let place = Place::with_bench("", &format!("{BENCH}stage = {{ speed_deg_s = 18 }}\n"));
     let (bench, service) = driven(&place, "");
     let devices = service.get("/api/v1/devices").expect(200).json();
     assert!(devices["stage"]["id"].as_str().unwrap().contains("GRBL") && devices["simulated"] == false, "{devices}");
@@ -48,7 +48,7 @@ fn the_service_drives_devices_and_stop_cuts_their_movements_short() {
     assert_eq!(light(&bench), [false, false]);
 
     // A movement of nine seconds, so that a busy machine has time to stop it.
-    let away = json!({ "analyser_deg": 600.0 });
+    let away = json!({ "analyser_deg": 210.0 });
     std::thread::scope(|scope| {
         let moved = scope.spawn(|| service.post("/api/v1/devices/stage/move", &away));
         while analyser_deg(&bench) < 50.0 {
@@ -61,7 +61,7 @@ fn the_service_drives_devices_and_stop_cuts_their_movements_short() {
         moved.join().unwrap().expect(409);
     });
     let stood = analyser_deg(&bench);
-    assert!((50.0..590.0).contains(&stood), "stopped at {stood}°, on its way from 45° to 600°");
+    assert!((50.0..200.0).contains(&stood), "stopped at {stood}°, on its way from 45° to 210°");
     std::thread::sleep(Duration::from_millis(500));
     let stands = analyser_deg(&bench);
     assert!((stands - stood).abs() < 0.01, "it moves on, from {stood}° to {stands}°");
