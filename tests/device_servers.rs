@@ -7,7 +7,7 @@
 use crate::panel::Page;
 use nacre_processing::image::read_exr;
 use nacre_tests::fault_table::record;
-use nacre_tests::http::{Service, begin, exchange, finished};
+use nacre_tests::http::{self, Service, begin, exchange, finished};
 use nacre_tests::{Place, nacre};
 use serde_json::{Value, json};
 use std::fs;
@@ -169,30 +169,10 @@ fn bench(kind: Kind) -> (Place, Service) {
     (place, service)
 }
 
-fn page(service: &Service) -> Page {
-    let page = Page::open(service.address);
-    service.until("/api/v1/display", |d| d["acknowledged"] == true);
-    page
-}
-
 fn plan(extras: &[&str]) -> Value {
-    json!({ "plan": {
-        "kind": "polarization", "name": "a tile", "sample": "kinematic", "camera": { "exposure_ms": 10.0 },
-        "analyser": { "angles_deg": ANGLES }, "extras": extras,
-        "reconstruct": { "operation": "polarization" }
-    } })
-}
-
-/// Folder of the only session of a service.
-fn session(place: &Place) -> PathBuf {
-    let mut found = vec![place.path("data")];
-    while let Some(folder) = found.pop() {
-        if folder.join("session.json").exists() {
-            return folder;
-        }
-        found.extend(fs::read_dir(folder).unwrap().flatten().map(|e| e.path()).filter(|p| p.is_dir()));
-    }
-    panic!("no session in {}", place.text("data"));
+    let mut plan = http::plan(ANGLES.len(), 10.0);
+    plan["plan"]["extras"] = json!(extras);
+    plan
 }
 
 /// Path of a file below a folder.
@@ -217,12 +197,12 @@ fn a_session_with_alpaca_devices_measures_their_world() {
     }
     let _server = Server::start(Kind::Alpaca);
     let (place, service) = bench(Kind::Alpaca);
-    let _page = page(&service);
+    let _page = Page::open(&service);
     println!("{}", service.get("/api/v1/devices").expect(200).json());
     let id = begin(&service, &plan(&["dark"]));
     let done = finished(&service, &id);
     assert_eq!(done["frames_committed"], ANGLES.len() + 1, "{done}");
-    let folder = session(&place);
+    let folder = place.only_session();
     let described = fs::read_to_string(folder.join("session.json")).unwrap();
     for device in ["alpaca Test rotator id Turner-t", "alpaca Test camera id Eye-t", "alpaca Test switches id Board-t"]
     {
@@ -251,14 +231,14 @@ fn a_session_with_indi_devices_completes() {
     }
     let _server = Server::start(Kind::Indi);
     let (place, service) = bench(Kind::Indi);
-    let _page = page(&service);
+    let _page = Page::open(&service);
     println!("{}", service.get("/api/v1/devices").expect(200).json());
     let id = begin(&service, &plan(&[]));
     let done = finished(&service, &id);
     assert_eq!(done["frames_committed"], ANGLES.len(), "{done}");
     let told = indi("indi_getprop", &["-1"], "Rotator Simulator.ABS_ROTATOR_ANGLE.ANGLE");
     assert_eq!(told, "135");
-    let folder = session(&place);
+    let folder = place.only_session();
     let described = fs::read_to_string(folder.join("session.json")).unwrap();
     for device in ["indi Rotator Simulator (indi_simulator_rotator)", "indi CCD Simulator (indi_simulator_ccd)"] {
         assert!(described.contains(device), "{described}");
@@ -278,7 +258,7 @@ fn lost_and_found(kind: Kind) {
     while let Some(step) = left.pop() {
         let mut server = Some(Server::start(kind));
         let (place, service) = bench(kind);
-        let page = page(&service);
+        let page = Page::open(&service);
         let id = begin(&service, &plan(&[]));
         let base = format!("/api/v1/sessions/{id}");
         service.until(&base, |s| s["frames_committed"].as_u64() >= Some(step as u64));
@@ -307,7 +287,7 @@ fn lost_and_found(kind: Kind) {
         service.post(&format!("{base}/resume"), &json!({})).expect(202);
         let done = finished(&service, &id);
         assert_eq!(done["frames_committed"], ANGLES.len(), "{done}");
-        nacre(["check", session(&place).to_str().unwrap()]).expect(0);
+        nacre(["check", place.only_session().to_str().unwrap()]).expect(0);
         drop((page, service, server));
     }
     record(if kind == Kind::Alpaca { "alpaca" } else { "indi" }, "server killed", &steps(), &message);

@@ -10,8 +10,8 @@ const TITLE: &str = "## Devices with simulators of others\n";
 /// Text above the table.
 const HEADER: &str = "
 Written by the tests of these drivers (`NACRE_UPDATE_DOCS=1`). The fault occurred in a session after each of these
-numbers of frames. Every session stopped with an error that names the device, with a black panel. After the fault was
-removed, it was resumed and completed, unless the table says otherwise.
+numbers of frames. Every session stopped with an error that names the device. After the fault was removed, it was
+resumed and completed, unless the table says otherwise.
 
 | device | fault | after frames | message |
 |---|---|---|---|

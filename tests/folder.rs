@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
-use crate::gphoto2::session;
 use crate::panel::Page;
 use crate::still::{Tags, camera_time, completed, dng, jpeg};
 use nacre_tests::fault_table::{committed, record};
@@ -50,8 +49,7 @@ fn bench(fill: impl Fn(&Path), more: &str, act: impl Fn(usize, &str, &Path) + Se
         };
         act(number, line, &folder);
     });
-    let page = Page::beating(service.address);
-    service.until("/api/v1/display", |d| d["acknowledged"] == true);
+    let page = Page::open(&service);
     Bench { place, _stage: stage, service, _page: page, asked }
 }
 
@@ -61,7 +59,7 @@ fn tags(exposure: [u32; 2], shift_s: i64) -> Tags {
 
 /// Frames of the session, in the order of their angles and exposures.
 fn frames(bench: &Bench) -> Vec<PathBuf> {
-    let folder = session(&bench.place).join("frames");
+    let folder = bench.place.only_session().join("frames");
     let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().flatten().map(|e| e.path()).collect();
     files.sort();
     files
@@ -112,12 +110,12 @@ fn raw_photographs_are_matched_to_their_requests() {
         assert_eq!(values.len(), 32 * 24);
         assert!(values.iter().all(|v| *v == green(k + 1)), "{}: {}", file.display(), values[0]);
     }
-    let described = fs::read_to_string(session(&bench.place).join("session.json")).unwrap();
+    let described = fs::read_to_string(bench.place.only_session().join("session.json")).unwrap();
     assert!(described.contains("photographs of Acme Eye s/n 4711"), "{described}");
     let described: Value =
-        serde_json::from_slice(&fs::read(session(&bench.place).join("frames.json")).unwrap()).unwrap();
+        serde_json::from_slice(&fs::read(bench.place.only_session().join("frames.json")).unwrap()).unwrap();
     assert!(described.to_string().contains("512") && described.to_string().contains("4095"), "{described}");
-    nacre(["check", session(&bench.place).to_str().unwrap()]).expect(0);
+    nacre(["check", bench.place.only_session().to_str().unwrap()]).expect(0);
     // Nothing was moved or deleted.
     assert_eq!(fs::read_dir(bench.place.path("photographs")).unwrap().count(), 1 + 4 * 5);
 }
@@ -222,7 +220,7 @@ fn real_photographs_of_a_bracket_become_the_frames_of_a_plan() {
     for (request, speed) in asked.iter().zip(["0.5 s", "1/8 s", "1/30 s", "1/125 s", "1/1000 s", "1/4000 s"]) {
         assert!(request.contains(&format!("set the camera to {speed}")) && request.contains("ISO 200"), "{request}");
     }
-    let described = fs::read_to_string(session(&bench.place).join("session.json")).unwrap();
+    let described = fs::read_to_string(bench.place.only_session().join("session.json")).unwrap();
     assert!(described.contains("photographs of Canon EOS REBEL T2i"), "{described}");
     for (file, photograph) in frames(&bench).iter().zip(&rest) {
         let mean = |values: &mut dyn Iterator<Item = f64>| {

@@ -5,12 +5,11 @@
 
 use crate::panel::Page;
 use nacre_tests::fault_table::record;
-use nacre_tests::http::{Service, begin, finished};
+use nacre_tests::http::{self, Service, begin, finished};
 use nacre_tests::{BENCH, BenchProcess, NEVER, Place, analyser_deg, listing, nacre};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -93,30 +92,14 @@ impl Bench {
     }
 
     fn page(&self) -> Page {
-        let page = Page::open(self.service.address);
-        self.service.until("/api/v1/display", |d| d["acknowledged"] == true);
-        page
+        Page::open(&self.service)
     }
 }
 
 fn plan() -> Value {
-    json!({ "plan": {
-        "kind": "polarization", "name": "a tile", "sample": "kinematic", "camera": { "exposure_ms": 10.0 },
-        "analyser": { "angles_deg": ANGLES }, "extras": ["display_black"],
-        "reconstruct": { "operation": "polarization" }
-    } })
-}
-
-/// Folder of the only session of a service.
-fn session(place: &Place) -> PathBuf {
-    let mut found = vec![place.path("data")];
-    while let Some(folder) = found.pop() {
-        if folder.join("session.json").exists() {
-            return folder;
-        }
-        found.extend(fs::read_dir(folder).unwrap().flatten().map(|e| e.path()).filter(|p| p.is_dir()));
-    }
-    panic!("no session in {}", place.text("data"));
+    let mut plan = http::plan(ANGLES.len(), 10.0);
+    plan["plan"]["extras"] = json!(["display_black"]);
+    plan
 }
 
 /// Paths of all keys of a JSON value, with the elements of an array as one.
@@ -152,7 +135,7 @@ fn a_polarization_session_equals_a_simulated_one_in_kind() {
     assert!((analyser_deg(&bench.stage) - 135.0).abs() < 0.1);
     let patterns: Vec<Value> = page.shown.lock().unwrap().clone();
     assert!(patterns.iter().any(|p| p["kind"] == "disc") && patterns.last().unwrap()["kind"] == "black");
-    let described = fs::read_to_string(session(&bench.place).join("session.json")).unwrap();
+    let described = fs::read_to_string(bench.place.only_session().join("session.json")).unwrap();
     for device in [&format!("genicam Aravis Fake s/n {}", serial()), "Elliptec ELL14", "pattern page"] {
         assert!(described.contains(device), "{described}");
     }
@@ -161,7 +144,7 @@ fn a_polarization_session_equals_a_simulated_one_in_kind() {
     let service = Service::start(&simulated, &[]);
     let id = begin(&service, &plan());
     finished(&service, &id);
-    let [real, simulated] = [&bench.place, &simulated].map(session);
+    let [real, simulated] = [&bench.place, &simulated].map(Place::only_session);
     let files = |folder: &std::path::Path| -> Vec<String> {
         listing(folder).into_iter().filter(|f| f.starts_with("frames")).collect()
     };
@@ -219,7 +202,7 @@ fn a_camera_that_is_unplugged_and_returns_completes_the_session() {
         bench.service.post(&format!("{base}/resume"), &json!({})).expect(202);
         let done = finished(&bench.service, &id);
         assert_eq!(done["frames_committed"], ANGLES.len() + 1, "{done}");
-        nacre(["check", session(&bench.place).to_str().unwrap()]).expect(0);
+        nacre(["check", bench.place.only_session().to_str().unwrap()]).expect(0);
         drop((page, bench));
         drop(simulator);
     }

@@ -73,9 +73,7 @@ impl Bench {
     }
 
     fn page(&self) -> Page {
-        let page = Page::beating(self.service.address);
-        self.service.until("/api/v1/display", |d| d["acknowledged"] == true);
-        page
+        Page::open(&self.service)
     }
 }
 
@@ -85,18 +83,6 @@ fn plan(exposure_ms: f64, average: u32) -> Value {
         "camera": { "exposure_ms": exposure_ms, "average": average },
         "analyser": { "angles_deg": ANGLES }, "extras": ["display_black"],
     } })
-}
-
-/// Folder of the only session of a service.
-pub(crate) fn session(place: &Place) -> PathBuf {
-    let mut found = vec![place.path("data")];
-    while let Some(folder) = found.pop() {
-        if folder.join("session.json").exists() {
-            return folder;
-        }
-        found.extend(fs::read_dir(folder).unwrap().flatten().map(|e| e.path()).filter(|p| p.is_dir()));
-    }
-    panic!("no session in {}", place.text("data"));
 }
 
 #[test]
@@ -119,7 +105,7 @@ fn a_polarization_session_takes_and_fetches_its_photographs() {
     assert!((analyser_deg(&bench.stage) - 135.0).abs() < 0.1);
     let patterns: Vec<Value> = page.shown.lock().unwrap().clone();
     assert!(patterns.iter().any(|p| p["kind"] == "disc") && patterns.last().unwrap()["kind"] == "black");
-    let session = session(&bench.place);
+    let session = bench.place.only_session();
     let described = fs::read_to_string(session.join("session.json")).unwrap();
     assert!(described.contains("gphoto2 Nikon DSC D750 s/n 0.1"), "{described}");
     let frames: Value = serde_json::from_slice(&fs::read(session.join("frames.json")).unwrap()).unwrap();
@@ -188,7 +174,7 @@ fn the_camera_is_found_and_takes_a_photograph() {
         "{}",
         lacking.stderr()
     );
-    // The photograph states 1/100 s, whatever was set: a camera that is not at M.
+    // The virtual camera always states 1/100 s, as a camera in an automatic mode does.
     let other = snap("100", "c.png").expect(1).stderr();
     assert!(other.contains("1/100 s (10 ms)") && other.contains("dial to M"), "{other}");
 }

@@ -49,15 +49,20 @@ fn has_ended(pid: u32) -> bool {
     status(pid, "State:").is_none_or(|state| state.starts_with('Z'))
 }
 
-/// Guardian of a process.
-fn guardian(owner: u32) -> u32 {
+/// Guardians of a process: two while one replaces the other.
+fn guardians(owner: u32) -> Vec<u32> {
     let is_it = |pid: &u32| {
         let line = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
         line.split(|byte| *byte == 0).any(|word| word == b"guardian")
             && status(*pid, "PPid:") == Some(owner.to_string())
     };
     let processes = fs::read_dir("/proc").unwrap().flatten().filter_map(|p| p.file_name().to_str()?.parse().ok());
-    let found: Vec<u32> = processes.filter(is_it).collect();
+    processes.filter(is_it).collect()
+}
+
+/// The only guardian of a process.
+fn guardian(owner: u32) -> u32 {
+    let found = guardians(owner);
     assert_eq!(found.len(), 1, "guardians of {owner}: {found:?}");
     found[0]
 }
@@ -154,9 +159,12 @@ fn during_an_exposure(loss: &str) {
         let (child, mark) = with_light(&bench, place.capture("s"));
         let begun = Instant::now();
         let lost = Lost::guardian_of(child.id(), loss);
+        until("another guardian has the flash", || guardians(child.id()).iter().any(|pid| *pid != lost.0));
+        let replaced = begun.elapsed();
         until("the flash is off", || !light(&bench)[1]);
         let off = begun.elapsed();
-        println!("{loss}: off after {:.0} ms", 1000.0 * off.as_secs_f64());
+        println!("{loss}: replaced after {replaced:.1?}, off after {off:.1?}");
+        assert!(replaced < EXPOSURE, "{loss}: replaced after {replaced:?}, which is the end of the exposure");
         let output = child.wait_with_output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         assert_gone(&mark);

@@ -229,6 +229,22 @@ impl Place {
         self.path(name).to_string_lossy().into_owned()
     }
 
+    /// Folder of the only session of a service in this folder.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn only_session(&self) -> PathBuf {
+        let mut found = vec![self.path("data")];
+        while let Some(folder) = found.pop() {
+            if folder.join("session.json").exists() {
+                return folder;
+            }
+            let entries = std::fs::read_dir(folder).expect("a folder").flatten();
+            found.extend(entries.map(|e| e.path()).filter(|p| p.is_dir()));
+        }
+        panic!("no session in {}", self.text("data"));
+    }
+
     /// Arguments for a new capture into `session`.
     pub fn capture(&self, session: &str) -> Vec<String> {
         let fixed =

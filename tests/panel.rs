@@ -69,49 +69,33 @@ fn the_service_drives_devices_and_stop_cuts_their_movements_short() {
     assert!((told - stands).abs() < 0.1, "it stands at {stands}°, but is said to stand at {told}°");
 }
 
-/// A simulated browser page, which acknowledges the requested patterns.
+/// A simulated browser page, which acknowledges the requested patterns and sends heartbeats.
 pub(crate) struct Page {
     pub(crate) shown: Arc<Mutex<Vec<Value>>>,
     stream: TcpStream,
     /// Heartbeats go on while this exists.
-    beats: Arc<()>,
+    _beats: Arc<()>,
 }
 
 impl Page {
-    pub(crate) fn open(address: SocketAddr) -> Self {
+    /// Opens the page and waits until it has acknowledged its first pattern.
+    pub(crate) fn open(service: &Service) -> Self {
+        let address = service.address;
         let mut stream = TcpStream::connect(address).unwrap();
         let request = "GET /api/v1/display/link?page=tests HTTP/1.1\r\nHost: localhost\r\n\r\n";
         stream.write_all(request.as_bytes()).unwrap();
         let shown: Arc<Mutex<Vec<Value>>> = Arc::default();
         let (seen, reader) = (shown.clone(), BufReader::new(stream.try_clone().unwrap()));
-        let last: Arc<Mutex<Option<Value>>> = Arc::default();
-        let open = Arc::downgrade(&shown);
-        let beats = last.clone();
-        // A page repeats its acknowledgement while it is open.
-        std::thread::spawn(move || {
-            while open.upgrade().is_some() && TcpStream::connect(address).is_ok() {
-                if let Some(hash) = beats.lock().unwrap().clone() {
-                    acknowledge(address, &hash);
-                }
-                std::thread::sleep(Duration::from_secs(1));
-            }
-        });
         std::thread::spawn(move || {
             let event = |line: String| serde_json::from_str(line.strip_prefix("data:")?.trim()).ok();
             let events = reader.lines().map_while(Result::ok).filter_map(event);
             events.for_each(|event: Value| {
                 seen.lock().unwrap().push(event["pattern"].clone());
-                *last.lock().unwrap() = Some(event["hash"].clone());
                 acknowledge(address, &event["hash"]);
             });
         });
-        Self { shown, stream, beats: Arc::default() }
-    }
-
-    /// A page that also sends heartbeats, so that it stays open however long nothing is shown.
-    pub(crate) fn beating(address: SocketAddr) -> Self {
-        let page = Self::open(address);
-        let beats = Arc::downgrade(&page.beats);
+        let page = Self { shown, stream, _beats: Arc::default() };
+        let beats = Arc::downgrade(&page._beats);
         std::thread::spawn(move || {
             // The service may end first.
             while beats.upgrade().is_some() && TcpStream::connect(address).is_ok() {
@@ -119,6 +103,7 @@ impl Page {
                 std::thread::sleep(Duration::from_millis(300));
             }
         });
+        service.until("/api/v1/display", |d| d["acknowledged"] == true);
         page
     }
 }
@@ -160,8 +145,7 @@ fn sessions_light_the_sample_with_the_pattern_page() {
     let stopped = service.until(&base, |s| s["error"].is_string());
     assert!(stopped["error"].as_str().unwrap().contains("no pattern page is open"), "{stopped}");
 
-    let page = Page::open(service.address);
-    service.until("/api/v1/display", |d| d["acknowledged"] == true);
+    let page = Page::open(&service);
     // No pattern is shown while an interlock is open or after STOP.
     let past = service.post("/api/v1/display/pattern", &json!({ "pattern": { "kind": "full" } })).expect(409);
     assert!(past.text().contains("the pattern page is the bench's panel"), "{}", past.text());

@@ -4,6 +4,7 @@ pub mod commanded;
 pub mod folder;
 pub mod genicam;
 pub mod gphoto2;
+mod library;
 pub mod measure;
 pub mod pfnc;
 pub mod photograph;

@@ -138,7 +138,7 @@ impl Shutter {
         })
     }
 
-    /// Waits until the bench is steady, since a photograph before that would be in vain.
+    /// Waits until the bench is steady: an earlier photograph would not be used.
     ///
     /// # Errors
     /// `Stop` if that is too long.
@@ -245,6 +245,13 @@ pub(super) fn describe(id: String, sample: &Photograph, exposures: Vec<f64>, gai
         by_hand: false,
         warnings,
     }
+}
+
+/// Whether an exposure or sensitivity of Exif tags is the set one. Cameras state either the label or the exact value of
+/// a step: 1/60 s or 1/64 s. Neighbouring thirds of a stop differ by 26 %.
+pub(super) fn is_same_step(stated: f64, set: f64) -> bool {
+    const TOLERANCE: f64 = 0.13;
+    (stated / set - 1.0).abs() <= TOLERANCE
 }
 
 /// The exposure among the camera's choices, or the error that names the nearest ones.

@@ -219,6 +219,11 @@ pub(super) async fn prepare(controller: &mut BenchController<'_>, plan: &Plan) -
     Ok(())
 }
 
+/// Difference between two angles of the analyser in degrees. A whole turn does not change it.
+fn apart_deg(a: f64, b: f64) -> f64 {
+    ((a - b + 180.0).rem_euclid(360.0) - 180.0).abs()
+}
+
 /// Records the angle of an analyser that the plan does not rotate, or compares it with the angle at earlier frames. A
 /// person is asked to rotate it back; a stage is not moved, because such a plan must not move it.
 async fn compare_analyser(controller: &mut BenchController<'_>) -> DeviceResult<()> {
@@ -229,10 +234,8 @@ async fn compare_analyser(controller: &mut BenchController<'_>) -> DeviceResult<
     };
     let stage = controller.limits().stage.clone();
     let tolerance = stage.tolerance_deg.min(FIXED_TOLERANCE_DEG);
-    // A whole turn does not change the analyser.
-    let apart = |at: f64| (at - fixed_analyser_deg + 180.0).rem_euclid(360.0) - 180.0;
     let analyser_deg = match controller.position().await {
-        Ok(at) if apart(at).abs() <= tolerance => return Ok(()),
+        Ok(at) if apart_deg(at, fixed_analyser_deg) <= tolerance => return Ok(()),
         _ if stage.by_hand => return controller.turn(fixed_analyser_deg).await,
         other => other?,
     };
@@ -317,4 +320,16 @@ async fn capture_frame(
         ..Commit::default()
     };
     Ok(Shot { index, sum, evidence })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_turns_do_not_set_angles_apart() {
+        for (a, b, apart) in [(370.0, 10.0, 0.0), (-5.0, 355.0, 0.0), (359.0, 1.0, 2.0), (10.0, 190.0, 180.0)] {
+            assert!((apart_deg(a, b) - apart).abs() < 1e-9 && (apart_deg(b, a) - apart).abs() < 1e-9, "{a} {b}");
+        }
+    }
 }

@@ -4,9 +4,8 @@ use super::matching::CameraClock;
 use super::settings::Settings;
 use super::trigger::Release;
 use super::watch::{Watch, newest};
-use crate::camera::gphoto2::EXIF_TOLERANCE;
 use crate::camera::photograph::{
-    Photograph, PhotographReader, Photography, Shot, Shutter, choose_exposure, describe, speed,
+    Photograph, PhotographReader, Photography, Shot, Shutter, choose_exposure, describe, is_same_step, speed,
 };
 use crate::camera::without_shutter;
 use crate::{Camera, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, Frame, Freshness};
@@ -16,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-/// Pause between two looks at the folder.
+/// Interval at which the folder is read.
 const POLL: Duration = Duration::from_millis(100);
 /// Number of files that are tried as the photograph that describes the camera.
 const SAMPLES: usize = 8;
@@ -85,8 +84,8 @@ impl FolderCamera {
     /// Settings to change on the camera before the next photograph, if any.
     fn change(&self) -> Option<String> {
         let (exposure, iso) = self.wanted;
-        let set =
-            self.dials.0.is_some_and(|is| is_same(is, exposure)) && self.dials.1.is_none_or(|is| is_same(is, iso));
+        let set = self.dials.0.is_some_and(|is| is_same_step(is, exposure))
+            && self.dials.1.is_none_or(|is| is_same_step(is, iso));
         (!set).then(|| format!("{} and ISO {}", speed(exposure), iso.round()))
     }
 
@@ -185,21 +184,16 @@ impl FolderCamera {
         };
         match shot.exposure_s {
             None => return wrong(format!("an exposure of {}", speed(exposure)), "no exposure in the Exif tags".into()),
-            Some(is) if !is_same(is, exposure) => {
+            Some(is) if !is_same_step(is, exposure) => {
                 return wrong(format!("an exposure of {}", speed(exposure)), speed(is));
             }
             Some(_) => {}
         }
         match shot.iso {
-            Some(is) if !is_same(is, iso) => wrong(format!("ISO {}", iso.round()), format!("ISO {}", is.round())),
+            Some(is) if !is_same_step(is, iso) => wrong(format!("ISO {}", iso.round()), format!("ISO {}", is.round())),
             _ => Ok(()),
         }
     }
-}
-
-/// Whether two exposures or sensitivities are the same step of a camera.
-fn is_same(a: f64, b: f64) -> bool {
-    (a / b - 1.0).abs() <= EXIF_TOLERANCE
 }
 
 fn identity(shot: &Shot) -> String {

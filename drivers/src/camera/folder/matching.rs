@@ -1,4 +1,4 @@
-//! The camera's clock, as far as its photographs show it.
+//! Offset of the camera's clock, estimated from the Exif times of its photographs.
 //!
 //! Camera clocks are wrong by hours or years, and Exif times have a resolution of one second. The first photograph
 //! gives the offset to the computer's clock within an interval, and each further one narrows it.

@@ -31,7 +31,7 @@ struct Watched {
     tried: Option<Duration>,
 }
 
-/// A folder of which the new files are of interest.
+/// Detects new files in a folder.
 pub(super) struct Watch {
     folder: PathBuf,
     known: HashSet<Identity>,

@@ -4,9 +4,11 @@ use super::faults::{self, setup};
 use super::node::{CameraFile, Node};
 use super::open::{Choices, Opened, read, set};
 use super::settings::{Format, Settings};
-use crate::camera::photograph::{Photograph, PhotographReader, Shutter, choose_exposure, describe, speed};
+use crate::camera::photograph::{
+    Photograph, PhotographReader, Shutter, choose_exposure, describe, is_same_step, speed,
+};
 use crate::camera::without_shutter;
-use crate::{Camera, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, Frame, Freshness};
+use crate::{Camera, CameraInfo, Clock, Controls, DeviceError, DeviceResult, Frame, Freshness};
 use async_trait::async_trait;
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,10 +18,6 @@ const MAX_FILE: u64 = 512 << 20;
 
 /// Exposure of the photograph that describes the camera, in s.
 const FIRST_S: f64 = 0.01;
-
-/// Relative difference between the exposure of a photograph's Exif tags and the set one. Cameras state either the label
-/// or the exact value of a speed: 1/60 or 1/64.
-pub(crate) const EXIF_TOLERANCE: f64 = 0.13;
 
 /// A camera of libgphoto2.
 pub struct Gphoto2Camera {
@@ -95,7 +93,7 @@ impl Gphoto2Camera {
     fn check_exif(&self, photograph: &Photograph) -> DeviceResult<()> {
         let wanted = self.shutter.exposure.as_secs_f64();
         match photograph.shot.exposure_s {
-            Some(stated) if (stated / wanted - 1.0).abs() > EXIF_TOLERANCE => {
+            Some(stated) if !is_same_step(stated, wanted) => {
                 let (expected, got) = (format!("an exposure of {}", speed(wanted)), speed(stated));
                 Err(DeviceError::new(&self.info.id, "take a photograph", expected, got)
                     .remedy("turn the camera's mode dial to M, and check its custom functions"))
@@ -125,7 +123,7 @@ fn photograph(
     let file: CameraFile = taken.map_err(|e| faults::command(id, "take a photograph", "a photograph", &e))?;
     let bytes = node.fetch(&file, MAX_FILE).map_err(|e| faults::command(id, "fetch a photograph", "a file", &e));
     if internal {
-        // The next photograph reports the error of a camera that does not answer. A full memory does, too.
+        // If this fails, the next photograph fails as well, and its error is reported.
         let _ = node.delete(&file);
     }
     reader.read_bytes(&file.name, &bytes?, settings.channel).map_err(|problem| {
@@ -143,7 +141,7 @@ impl Camera for Gphoto2Camera {
     async fn configure(&mut self, exposure: Duration, gain: f64) -> DeviceResult<Controls> {
         let chosen = choose_exposure(&self.info, exposure)?;
         let Some((label, seconds)) = self.speeds.nearest(chosen).cloned() else {
-            return Err(setup(&self.info.id, "shutter speeds", "none").class(Class::Setup));
+            return Err(setup(&self.info.id, "shutter speeds", "none"));
         };
         set(self.node.as_mut(), &self.info.id, self.speeds.name, &label)?;
         self.in_force = vec![(self.speeds.name, label)];

@@ -43,7 +43,7 @@ pub fn command(id: &str, command: &str, expected: &str, failure: &Failure) -> De
         }
         Cause::Busy => error.class(Class::Retry).remedy("wait until the camera is idle, then resume the session"),
         Cause::Held => error.class(Class::Setup).remedy(format!(
-            "end the program that uses the camera; on a GNOME desktop run `systemctl --user mask --now gvfs-gphoto2-volume-monitor.service` \
+            "end the program that uses the camera; on a GNOME desktop run `systemctl --user mask --now {GVFS}.service` \
              or `pkill {GVFS}`"
         )),
         Cause::Denied => error

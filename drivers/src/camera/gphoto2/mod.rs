@@ -15,7 +15,6 @@ pub mod settings;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use driver::EXIF_TOLERANCE;
 pub use driver::Gphoto2Camera;
 pub use faults::GVFS;
 pub use library::load;

@@ -3,12 +3,8 @@
 //! The library is loaded when a GenICam camera is first looked for. Programs need it neither to be built nor to start,
 //! and those that use other cameras do not pay for its 20 libraries.
 
-use libloading::Library;
+use crate::camera::library::library;
 use std::ffi::{c_char, c_double, c_int, c_uint, c_void};
-use std::sync::OnceLock;
-
-/// File of the library, whose dependencies contain GLib.
-const FILE: &str = "libaravis-0.8.so.0";
 
 /// Opaque `ArvCamera`.
 #[repr(C)]
@@ -53,56 +49,8 @@ pub const CONTINUOUS: c_int = 0;
 /// `ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER`.
 pub const ADJUST_NEVER: c_int = 0;
 
-/// Declares the functions: each is found by its name when the library is loaded.
-macro_rules! functions {
-    ($(fn $name:ident($($arg:ident: $kind:ty),* $(,)?) $(-> $result:ty)?;)*) => {
-        struct Functions {
-            $($name: unsafe extern "C" fn($($kind),*) $(-> $result)?,)*
-        }
-
-        impl Functions {
-            fn find(library: &Library) -> Result<Self, libloading::Error> {
-                // SAFETY: the types are those of the library's headers.
-                unsafe { Ok(Self { $($name: *library.get(concat!(stringify!($name), "\0").as_bytes())?,)* }) }
-            }
-        }
-
-        $(
-            pub unsafe extern "C" fn $name($($arg: $kind),*) $(-> $result)? {
-                // SAFETY: as promised by the caller.
-                unsafe { (loaded().$name)($($arg),*) }
-            }
-        )*
-    };
-}
-
-static FUNCTIONS: OnceLock<Result<Functions, String>> = OnceLock::new();
-
-/// Loads the library, once. Every other function requires that it has been loaded.
-///
-/// # Errors
-/// The system's message if the library is missing or lacks a function.
-pub fn load() -> Result<(), String> {
-    let functions = FUNCTIONS.get_or_init(|| {
-        // SAFETY: the initialisers of aravis and GLib have no requirements.
-        let library = unsafe { Library::new(FILE) }.map_err(|e| e.to_string())?;
-        let functions = Functions::find(&library).map_err(|e| e.to_string());
-        // GLib cannot be unloaded.
-        std::mem::forget(library);
-        functions
-    });
-    functions.as_ref().map(|_| ()).map_err(String::clone)
-}
-
-fn loaded() -> &'static Functions {
-    match FUNCTIONS.get() {
-        Some(Ok(functions)) => functions,
-        // Cameras and lists exist only after the library was loaded.
-        _ => std::process::abort(),
-    }
-}
-
-functions! {
+library! {
+    "libaravis-0.8.so.0";
     fn arv_enable_interface(id: *const c_char);
     fn arv_disable_interface(id: *const c_char);
     fn arv_update_device_list();

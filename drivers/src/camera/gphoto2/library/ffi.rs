@@ -2,12 +2,8 @@
 //!
 //! The library is loaded when a camera of it is first looked for. Programs need it neither to be built nor to start.
 
-use libloading::Library;
+use crate::camera::library::library;
 use std::ffi::{c_char, c_int, c_uint, c_ulong, c_void};
-use std::sync::OnceLock;
-
-/// File of the library, whose dependencies contain libgphoto2_port.
-const FILE: &str = "libgphoto2.so.6";
 
 /// Opaque `Camera`.
 #[repr(C)]
@@ -118,56 +114,8 @@ pub const WIDGET_RADIO: c_int = 5;
 /// `GP_WIDGET_MENU`.
 pub const WIDGET_MENU: c_int = 6;
 
-/// Declares the functions: each is found by its name when the library is loaded.
-macro_rules! functions {
-    ($(fn $name:ident($($arg:ident: $kind:ty),* $(,)?) $(-> $result:ty)?;)*) => {
-        struct Functions {
-            $($name: unsafe extern "C" fn($($kind),*) $(-> $result)?,)*
-        }
-
-        impl Functions {
-            fn find(library: &Library) -> Result<Self, libloading::Error> {
-                // SAFETY: the types are those of the library's headers.
-                unsafe { Ok(Self { $($name: *library.get(concat!(stringify!($name), "\0").as_bytes())?,)* }) }
-            }
-        }
-
-        $(
-            pub unsafe extern "C" fn $name($($arg: $kind),*) $(-> $result)? {
-                // SAFETY: as promised by the caller.
-                unsafe { (loaded().$name)($($arg),*) }
-            }
-        )*
-    };
-}
-
-static FUNCTIONS: OnceLock<Result<Functions, String>> = OnceLock::new();
-
-/// Loads the library, once. Every other function requires that it has been loaded.
-///
-/// # Errors
-/// The system's message if the library is missing or lacks a function.
-pub fn load() -> Result<(), String> {
-    let functions = FUNCTIONS.get_or_init(|| {
-        // SAFETY: the initialisers of the library have no requirements.
-        let library = unsafe { Library::new(FILE) }.map_err(|e| e.to_string())?;
-        let functions = Functions::find(&library).map_err(|e| e.to_string());
-        // Its camera drivers may have started threads.
-        std::mem::forget(library);
-        functions
-    });
-    functions.as_ref().map(|_| ()).map_err(String::clone)
-}
-
-fn loaded() -> &'static Functions {
-    match FUNCTIONS.get() {
-        Some(Ok(functions)) => functions,
-        // Cameras and lists exist only after the library was loaded.
-        _ => std::process::abort(),
-    }
-}
-
-functions! {
+library! {
+    "libgphoto2.so.6";
     fn gp_result_as_string(result: c_int) -> *const c_char;
 
     fn gp_context_new() -> *mut Context;

@@ -149,7 +149,7 @@ fn denied(port: &str) -> bool {
     })
 }
 
-/// Words for a camera that is not connected, with those that are.
+/// Error for a camera that is not connected; its message lists the connected ones.
 fn missing(device: Option<&str>, all: &[Detected]) -> Failure {
     let all: Vec<&Detected> = all.iter().collect();
     let text = match (device, all.is_empty()) {
