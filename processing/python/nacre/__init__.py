@@ -18,7 +18,7 @@ from ._client import Client, ServiceError
 from ._native import InputError, OutputError, __version__
 from ._operations import *  # noqa: F403
 from ._operations import __all__ as _names
-from ._photographs import Photographs
+from ._photographs import Heights, Photographs
 from ._running import Maps, Result, read_maps, read_photograph, write_maps
 from ._session import Frame, Session, open
 
@@ -26,6 +26,7 @@ __all__ = [
     *_names,
     "Client",
     "Frame",
+    "Heights",
     "InputError",
     "Maps",
     "OutputError",

@@ -1,4 +1,4 @@
-"""Arrays as photographs for an operation."""
+"""Arrays as input of operations: photographs and height fields."""
 
 from __future__ import annotations
 
@@ -68,3 +68,25 @@ class Photographs:
             name = f"{number:04}.exr"
             _native.write_maps(self.path / name, [("Y", np.ascontiguousarray(codes, dtype=np.float32))], [])
         return name
+
+
+class Heights:
+    """A height field in an array, as input of `brdf`.
+
+    Parameters
+    ----------
+    heights
+        Array (height, width) of heights in µm, NaN for gaps.
+    pixel_um
+        Pixel pitch in µm.
+    """
+
+    def __init__(self, heights: Any, pixel_um: float):
+        heights = np.asarray(heights)
+        if heights.ndim != 2:
+            raise ValueError(f"heights have the shape {heights.shape}; give (height, width)")
+        self._folder = tempfile.TemporaryDirectory(prefix="nacre-")
+        #: EXR map, which lives as long as this object.
+        self.path = Path(self._folder.name) / "heights.exr"
+        plane = np.ascontiguousarray(heights, dtype=np.float32)
+        _native.write_maps(self.path, [("height", plane)], [("pixel_um", str(pixel_um)), ("units", "µm")])

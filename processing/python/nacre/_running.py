@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from . import _native
 
 if TYPE_CHECKING:
-    from ._photographs import Photographs
+    from ._photographs import Heights, Photographs
     from ._session import Session
 
-Input = Union[str, "os.PathLike[str]", "Photographs", "Session", "Result[Any]", None]
+Input = Union[str, "os.PathLike[str]", "Photographs", "Heights", "Session", "Result[Any]", None]
 Out = Union[str, "os.PathLike[str]", None]
 Progress = Optional[Callable[[str, int, int], Any]]
 Report = TypeVar("Report")

@@ -20,11 +20,26 @@ create_exception!(nacre, OutputError, PyOSError, "A result could not be written.
 
 /// The Python exception of an error.
 fn raised(error: Error) -> PyErr {
+    let text = in_python(&error.to_string());
     match error {
         Error::Cancelled => PyKeyboardInterrupt::new_err("interrupted"),
-        Error::Input { .. } => InputError::new_err(error.to_string()),
-        Error::Output { .. } => OutputError::new_err(error.to_string()),
+        Error::Input { .. } => InputError::new_err(text),
+        Error::Output { .. } => OutputError::new_err(text),
     }
+}
+
+/// A message with options as keywords: `pixel_um` in place of `--pixel-um`.
+fn in_python(message: &str) -> String {
+    let mut text = String::with_capacity(message.len());
+    let mut rest = message;
+    while let Some((before, after)) = rest.split_once("--") {
+        let end = after.find(|c: char| !c.is_ascii_lowercase() && c != '-').unwrap_or(after.len());
+        let (option, following) = after.split_at(end);
+        text += before;
+        text += &if option.is_empty() { "--".to_owned() } else { option.replace('-', "_") };
+        rest = following;
+    }
+    text + rest
 }
 
 /// Options of an operation from JSON text.
