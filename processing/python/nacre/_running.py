@@ -150,6 +150,10 @@ def run(name: str, input: Input, out: Out, overwrite: bool, progress: Progress, 
         keep = tempfile.TemporaryDirectory(prefix="nacre-")
         out = os.path.join(keep.name, name)
     folder: Any = getattr(input, "path", input)
+    if name == "render" and folder is not None and Path(folder).suffix == ".toml":
+        # The operation takes the folder of the scene and of its files.
+        given.setdefault("scene", Path(folder).read_text())
+        folder = Path(folder).parent
     text = json.dumps(given, default=_plain)
     done = _native.run(name, "" if folder is None else folder, out, text, overwrite, progress)
     return Result(out, json.loads(done), keep)
