@@ -50,8 +50,8 @@ pub fn npy_rows(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// Writes a plane of 32-bit floats as a deflated grey TIFF, NaN where masked. `pitch_um`, the pixel pitch in µm, becomes
-/// the resolution in pixels per cm, `description` the ImageDescription.
+/// Writes a plane of 32-bit floats as a deflated grey TIFF, NaN where masked. `pitch_um`, the pixel pitch in µm,
+/// becomes the resolution in pixels per cm, `description` the ImageDescription.
 ///
 /// # Errors
 /// `Output` if the system refuses, or if the size does not fit the values.

@@ -1,7 +1,7 @@
 //! Writer of ZIP-compressed OpenEXR files, for pictures and exported maps.
 //!
-//! Like [`write_exr`](crate::write_exr), it keeps the order of attributes, so that equal maps give equal bytes. The `exr`
-//! crate does not.
+//! Like [`write_exr`](crate::write_exr), it keeps the order of attributes, so that equal maps give equal bytes. The
+//! `exr` crate does not.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
