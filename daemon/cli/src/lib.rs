@@ -101,6 +101,8 @@ enum Command {
     Chart(commands::chart::Args),
     /// Describe existing photographs in a frames.json.
     Import(commands::import::Args),
+    /// Export maps for other programs, or a session with checksums.
+    Export(commands::export::Args),
     /// Run and use the simulated bench.
     #[command(subcommand)]
     Sim(commands::sim::Sim),
@@ -197,6 +199,7 @@ pub fn main(commit: &str, target: &str) -> ExitCode {
         Command::Brdf(args) => commands::brdf::run(&args, &console),
         Command::Render(args) => commands::render::run(&args, &console),
         Command::Factor(args) => args.run(&console),
+        Command::Export(args) => commands::export::run(&args, &console),
         Command::Map(args) => commands::map::run(&args, &console),
         Command::Synthesize(args) => args.run(&console),
         Command::Inspect(args) => args.run(&console),

@@ -176,63 +176,23 @@ pub fn thumbnail(path: &Path, width: usize) -> Answer<Vec<u8>> {
     grey(raster.width, raster.height, width, &level, &encode_png8).map_err(|e| Problem::bad(e.to_string()))
 }
 
-/// First line of a plane as CSV: columns are named with their units, as in `x_px,y_px,period_um`.
-pub fn csv_head(name: &str, unit: &str) -> Vec<u8> {
-    // A remark may follow the unit, as in "um (relative)".
-    let unit = unit.split(' ').next().unwrap_or_default().replace('µ', "u");
-    let unit = if unit.chars().all(|c| c.is_ascii_alphanumeric()) { unit } else { String::new() };
-    let separator = if unit.is_empty() { "" } else { "_" };
-    format!("x_px,y_px,{name}{separator}{unit}\n").into_bytes()
-}
-
-/// Rows of a plane as CSV: a line `x,y,value` per pixel, with an empty value where masked.
+/// Rows of a plane as CSV.
 pub fn csv_rows(plane: &Plane, rows: Range<usize>) -> Vec<u8> {
-    let mut text = String::new();
-    for y in rows {
-        for (x, v) in plane.values[y * plane.width..][..plane.width].iter().enumerate() {
-            text += &if v.is_finite() { format!("{x},{y},{v}\n") } else { format!("{x},{y},\n") };
-        }
-    }
-    text.into_bytes()
-}
-
-/// Header of a plane as a NumPy array of 32-bit floats in row-major order (format 1.0).
-pub fn npy_head(plane: &Plane) -> Vec<u8> {
-    let (width, height) = (plane.width, plane.height());
-    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
-    // The data begin at a multiple of 64 bytes.
-    while (10 + header.len() + 1) % 64 != 0 {
-        header.push(' ');
-    }
-    header.push('\n');
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.bytes());
-    bytes
+    nacre_image::csv_rows(rows_of(plane, &rows), plane.width, rows.start)
 }
 
 /// Rows of a plane in the format of a NumPy array.
 pub fn npy_rows(plane: &Plane, rows: Range<usize>) -> Vec<u8> {
-    let values = &plane.values[rows.start * plane.width..rows.end * plane.width];
-    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+    nacre_image::npy_rows(rows_of(plane, &rows))
+}
+
+fn rows_of<'a>(plane: &'a Plane, rows: &Range<usize>) -> &'a [f32] {
+    &plane.values[rows.start * plane.width..rows.end * plane.width]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn tables_and_arrays_have_their_formats() {
-        let plane = Plane { values: vec![1.0, f32::NAN, 3.0, 4.5, 5.0, 6.0], width: 3 };
-        let csv = [csv_head("sigma", "rad"), csv_rows(&plane, 0..1), csv_rows(&plane, 1..2)].concat();
-        assert_eq!(csv_head("dolp", ""), b"x_px,y_px,dolp\n");
-        assert_eq!(csv_head("period", "µm (relative)"), b"x_px,y_px,period_um\n");
-        assert_eq!(csv, b"x_px,y_px,sigma_rad\n0,0,1\n1,0,\n2,0,3\n0,1,4.5\n1,1,5\n2,1,6\n");
-        let npy = [npy_head(&plane), npy_rows(&plane, 0..2)].concat();
-        assert_eq!((npy.len() - 24) % 64, 0);
-        assert!(npy.windows(6).any(|w| w == b"(2, 3)"));
-        assert_eq!(npy[npy.len() - 4..], 6.0_f32.to_le_bytes());
-    }
 
     #[test]
     fn regions_are_cut_to_the_map() {

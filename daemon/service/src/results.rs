@@ -146,13 +146,16 @@ pub async fn map(
             let of = (folder.clone(), name.clone());
             let head = move |_: &Plane| {
                 let unit = map_list::locate(&of.0, &of.1).map(|map| map.unit).unwrap_or_default();
-                maps::csv_head(&of.1, &unit)
+                nacre_image::csv_head(&of.1, &unit)
             };
             let body = app.heavy.table(folder, name, head, maps::csv_rows).await?;
             Ok((table("text/csv"), body).into_response())
         }
         "npy" => {
-            let body = app.heavy.table(folder, name, maps::npy_head, maps::npy_rows).await?;
+            let body = app
+                .heavy
+                .table(folder, name, |plane| nacre_image::npy_head([plane.width, plane.height()]), maps::npy_rows)
+                .await?;
             Ok((table(files::BYTES), body).into_response())
         }
         _ => picture(&app, folder, name, width, &region).await,

@@ -57,6 +57,7 @@ pub mod registration;
 mod scale_bar;
 mod source;
 mod spool;
+mod tables;
 #[cfg(test)]
 mod tests;
 mod tif;
@@ -64,6 +65,7 @@ mod tif_chunks;
 mod tif_codecs;
 mod webp;
 mod write;
+mod zip;
 
 pub use averaging::Averaging;
 pub use canvas::{Canvas, Rgb, text_width};
@@ -84,6 +86,8 @@ pub use raster::{Depth, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples};
 pub use raw::Decoding;
 pub use read::{EXTENSIONS, info, read, read_into, size};
 pub use spool::Spool;
+pub use tables::{csv_head, csv_rows, npy_head, npy_rows, write_tiff};
 pub use write::{
     Attribute, Precision, encode_png8, encode_png16_gray, write_exr, write_exr_as, write_png8, write_png16_gray,
 };
+pub use zip::write_exr_zip;

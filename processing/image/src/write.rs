@@ -24,6 +24,13 @@ pub enum Attribute {
     Number(f64),
     /// Stored as `string`, UTF-8.
     Text(String),
+    /// CIE chromaticities (x, y) of red, green, blue and white, for the attribute `chromaticities`.
+    Chromaticities([[f32; 2]; 4]),
+}
+
+impl Attribute {
+    /// Chromaticities of linear sRGB: the primaries of Rec. 709, white D65.
+    pub const SRGB: Self = Self::Chromaticities([[0.64, 0.33], [0.3, 0.6], [0.15, 0.06], [0.3127, 0.329]]);
 }
 
 /// Precision of the samples of an EXR.
@@ -81,7 +88,7 @@ pub fn write_exr_as(
         let mut order: Vec<usize> = (0..channels.len()).collect();
         order.sort_by_key(|&i| channels[i]);
         let sorted: Vec<&str> = order.iter().map(|&i| channels[i]).collect();
-        let header = exr_header(precision, [width, height], &sorted, attributes)?;
+        let header = exr_header(precision, Compression::None, [width, height], &sorted, attributes)?;
         let mut file = File::create(path)?;
         file.write_all(&header)?;
         let chunk = 8 + width * order.len() * precision.bytes();
@@ -132,9 +139,18 @@ fn offset_table(header: usize, rows: usize, chunk: usize) -> Vec<u8> {
     (0..rows).flat_map(|row| ((header + rows * 8 + row * chunk) as u64).to_le_bytes()).collect()
 }
 
+/// Compression of an EXR, with its number in the format.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Compression {
+    None = 0,
+    /// Deflate of blocks of 16 rows.
+    Zip = 3,
+}
+
 /// Magic number, version and attributes, as in "OpenEXR File Layout" (openexr.com).
-fn exr_header(
+pub(super) fn exr_header(
     precision: Precision,
+    compression: Compression,
     [width, height]: [usize; 2],
     channels: &[&str],
     custom: &[(&str, Attribute)],
@@ -167,7 +183,7 @@ fn exr_header(
     let window: Vec<u8> =
         [0, 0, width as u32 - 1, height as u32 - 1].iter().flat_map(|side| side.to_le_bytes()).collect();
     put(&mut out, "channels", "chlist", &list);
-    put(&mut out, "compression", "compression", &[0]);
+    put(&mut out, "compression", "compression", &[compression as u8]);
     put(&mut out, "dataWindow", "box2i", &window);
     put(&mut out, "displayWindow", "box2i", &window);
     put(&mut out, "lineOrder", "lineOrder", &[0]);
@@ -178,6 +194,10 @@ fn exr_header(
         match value {
             Attribute::Number(number) => put(&mut out, name, "double", &number.to_le_bytes()),
             Attribute::Text(text) => put(&mut out, name, "string", text.as_bytes()),
+            Attribute::Chromaticities(points) => {
+                let bytes: Vec<u8> = points.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
+                put(&mut out, name, "chromaticities", &bytes);
+            }
         }
     }
     out.push(0);

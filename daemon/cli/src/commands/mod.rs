@@ -14,6 +14,7 @@ pub mod demo;
 pub mod derived;
 pub mod devices;
 pub mod doctor;
+pub mod export;
 pub mod flags;
 pub mod import;
 pub mod init;

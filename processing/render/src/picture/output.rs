@@ -6,7 +6,7 @@ use crate::picture::pixel::Pixel;
 use crate::scene::Scene;
 use crate::settings::{Method, Settings};
 use nacre_base::{Error, Result};
-use nacre_image::{Attribute, encode_png8, read_exr, rewrite, write_exr, write_whole, write_whole_with};
+use nacre_image::{Attribute, encode_png8, read_exr, rewrite, write_exr, write_exr_zip, write_whole, write_whole_with};
 use nacre_optics::color::{displayed_codes, xyz_of_linear_srgb};
 use std::path::Path;
 
@@ -31,6 +31,7 @@ pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
     let mut attributes = vec![
         ("units", Attribute::Text("radiance, linear sRGB (D65 is white, Y of a light's own unit); error of Y".into())),
         ("samples", Attribute::Number(picture.samples() as f64)),
+        ("chromaticities", Attribute::SRGB),
     ];
     let width = picture.width;
     let bands: Vec<String> = picture.bands.iter().map(|band| channel(band.nm)).collect();
@@ -40,7 +41,7 @@ pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
     }
     let channels: Vec<&str> = ["R", "G", "B", "error"].into_iter().chain(bands.iter().map(String::as_str)).collect();
     write_whole_with(path, |file| {
-        write_exr(file, width, picture.height, &channels, &attributes, &|c, y, row| {
+        write_exr_zip(file, [width, picture.height], &channels, &attributes, &|c, y, row| {
             if let Some(band) = c.checked_sub(4) {
                 row.copy_from_slice(&picture.bands[band].radiance[y * width..(y + 1) * width]);
                 return;
