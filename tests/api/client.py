@@ -9,7 +9,7 @@ from nacre_client.api.reconstructions import map_, reconstruction
 from nacre_client.api.sessions import begin_session, session
 from nacre_client.models import PlanBody, PolarizationOptions, PolarizationOrder
 
-client = Client(sys.argv[1], timeout=30)
+client = Client(sys.argv[1], timeout=600)
 plan = {
     "kind": "polarization",
     "camera": {"exposure_ms": 5},
@@ -17,7 +17,7 @@ plan = {
     "reconstruct": {"operation": "polarization"},
 }
 begun = begin_session.sync(client=client, body=PlanBody.from_dict({"plan": plan}))
-for _ in range(300):
+for _ in range(6000):
     found = session.sync(begun.id, client=client)
     if found.has_results:
         break
@@ -28,7 +28,7 @@ assert answer.status_code == 200 and answer.content[:6] == b"\x93NUMPY", answer.
 print(f"the generated client took the session {begun.id} and fetched its map of {len(answer.content)} bytes")
 order = PolarizationOrder(session=begun.id, options=PolarizationOptions(model="plain", smooth="none"))
 job = run_polarization.sync(client=client, body=order)
-for _ in range(300):
+for _ in range(6000):
     done = reconstruction.sync(job.id, client=client)
     if done.state in ("done", "failed"):
         break

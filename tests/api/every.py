@@ -22,7 +22,7 @@ import inputs
 
 URL, PROGRAM = sys.argv[1:]
 NACRE = os.environ["NACRE_BIN"]
-client = Client(URL, timeout=60)
+client = Client(URL, timeout=600)
 
 
 def nacre(line):
@@ -51,7 +51,7 @@ def session(plan):
     """Takes a session; returns its id."""
     body = json.dumps({"plan": plan}).encode()
     begun = answer(urllib.request.Request(f"{URL}/api/v1/sessions", body, {"Content-Type": "application/json"}))
-    for _ in range(600):
+    for _ in range(6000):
         if answer(f"{URL}/api/v1/sessions/{begun['id']}")["state"] in ("finished", "failed"):
             return begun["id"]
         time.sleep(0.1)
@@ -130,7 +130,7 @@ def run(name, order):
     request = DOCUMENT["paths"][f"/api/v1/operations/{name}"]["post"]["requestBody"]["content"]["application/json"]
     body = getattr(models, request["schema"]["$ref"].rsplit("/", 1)[1]).from_dict(order)
     job = module.sync(client=client, body=body)
-    for _ in range(1200):
+    for _ in range(6000):
         done = reconstruction.sync(getattr(job, "id", None) or sys.exit(f"{name}: {job}"), client=client)
         if done.state in ("done", "failed", "set_aside"):
             break

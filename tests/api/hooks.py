@@ -22,14 +22,14 @@ def call(method, path, body=None):
     data = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(BASE + path, data, {"Content-Type": "application/json"}, method=method)
     try:
-        with urllib.request.urlopen(request, timeout=20) as answer:
+        with urllib.request.urlopen(request, timeout=600) as answer:
             return json.load(answer)
     except urllib.error.HTTPError as error:
         return json.load(error)
 
 
 def until(path, wanted):
-    for _ in range(200):
+    for _ in range(3000):
         found = call("GET", path)
         if wanted(found):
             break

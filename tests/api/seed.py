@@ -20,7 +20,7 @@ def call(method, path, body=None):
 
 
 def finished(path, done):
-    for _ in range(600):
+    for _ in range(6000):
         found = call("GET", path)
         if done(found):
             return found
