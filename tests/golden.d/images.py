@@ -1,4 +1,4 @@
-"""Decoders for the images that the program writes: uncompressed scan-line OpenEXR, and PNG."""
+"""Decoders for the images that the program writes: scan-line OpenEXR, uncompressed or with ZIP compression, and PNG."""
 
 import array
 import math
@@ -8,7 +8,7 @@ import zlib
 
 
 def exr(data):
-    """Returns {channel: list of values} of an uncompressed scan-line EXR, and its bytes with all NaN alike."""
+    """Returns {channel: list of values} of a scan-line EXR, and its bytes with all NaN alike and without compression."""
     if data[:4] != b"\x76\x2f\x31\x01":
         raise ValueError("no OpenEXR file")
     at, header = 8, {}
@@ -18,8 +18,6 @@ def exr(data):
         size = struct.unpack_from("<i", data, at)[0]
         header[name] = data[at + 4:at + 4 + size]
         at += 4 + size
-    if header["compression"] != b"\0":
-        raise ValueError("compressed")
     left, top, right, bottom = struct.unpack("<4i", header["dataWindow"])
     width, height = right - left + 1, bottom - top + 1
     kinds, place = [], 0
@@ -27,17 +25,40 @@ def exr(data):
         name, place = _text(header["channels"], place)
         kinds.append((name, "Ief"[struct.unpack_from("<i", header["channels"], place)[0]]))
         place += 16
+    length = width * sum(struct.calcsize(kind) for _, kind in kinds)
+    lines = {b"\0": 1, b"\3": 16}[header["compression"]]
     planes = {name: [] for name, _ in kinds}
-    out = bytearray(data)
-    for offset in struct.unpack_from(f"<{height}Q", data, at + 1):
-        offset += 8
-        for name, kind in kinds:
-            row = struct.unpack_from(f"<{width}{kind}", data, offset)
-            planes[name] += row
-            # Sign and payload of a NaN depend on how the compiler orders operands.
-            struct.pack_into(f"<{width}{kind}", out, offset, *(v if v == v else math.nan for v in row))
-            offset += width * struct.calcsize(kind)
+    blocks = -(-height // lines)
+    # Offsets and lengths of compressed blocks are left out: other versions of deflate differ.
+    out = bytearray(data[:at + 1 + 8 * blocks * (lines == 1)])
+    for offset in struct.unpack_from(f"<{blocks}Q", data, at + 1):
+        first, size = struct.unpack_from("<2i", data, offset)
+        out += data[offset:offset + 8 * (lines == 1)]
+        rows = data[offset + 8:offset + 8 + size]
+        plain = length * min(lines, top + height - first)
+        if size < plain:
+            rows = _unzip(rows)
+        place = 0
+        while place < plain:
+            for name, kind in kinds:
+                row = struct.unpack_from(f"<{width}{kind}", rows, place)
+                planes[name] += row
+                # Sign and payload of a NaN depend on how the compiler orders operands.
+                out += struct.pack(f"<{width}{kind}", *(v if v == v else math.nan for v in row))
+                place += width * struct.calcsize(kind)
     return planes, bytes(out)
+
+
+def _unzip(packed):
+    """Rows of a block with ZIP compression: differences of bytes, of which the first half is for even places."""
+    codes = zlib.decompress(packed)
+    values, last = bytearray(len(codes)), 128
+    for k, code in enumerate(codes):
+        last = values[k] = (last + code - 128) & 255
+    half = (len(values) + 1) // 2
+    rows = bytearray(len(values))
+    rows[::2], rows[1::2] = values[:half], values[half:]
+    return bytes(rows)
 
 
 def _text(data, at):
