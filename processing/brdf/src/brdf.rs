@@ -101,7 +101,7 @@ impl<'a> Factors<'a> {
     }
 
     /// Factor of a pair of directions that does not depend on the wavelength.
-    fn of(&self, pair: &Pair, view: Direction) -> f64 {
+    pub(super) fn of(&self, pair: &Pair, view: Direction) -> f64 {
         let shadow = if self.settings.shadowing { Pair::v_grooves(self.light, view) } else { 1.0 };
         let scale = match self.settings.normalisation {
             Normalisation::Brdf => 1.0,
@@ -111,7 +111,7 @@ impl<'a> Factors<'a> {
     }
 
     /// Factor that depends on the wavelength: reflectance and, for a BRDF, 1/λ².
-    fn spectral(&self, pair: &Pair, number: f64) -> f64 {
+    pub(super) fn spectral(&self, pair: &Pair, number: f64) -> f64 {
         let nm = 1e3 / number;
         let r = self.settings.reflectance.at(pair.half_cos, nm);
         match self.settings.normalisation {

@@ -4,6 +4,7 @@
 //! - [`height`]: height fields from files and formulas, and their quality.
 //! - [`map`]: X, Y, Z over all viewing directions. [`slice()`]: spectra along a half circle. [`check()`]: peaks
 //!   compared with the grating equation.
+//! - [`tables`]: tables over pairs of directions, for other programs.
 //! - [`Section`]: efficiencies of a grating's orders from its cross-section.
 //!
 //! The theory is scalar: single reflection, no polarization, periods of several wavelengths. For rigorous theory, see
@@ -49,6 +50,7 @@ mod report;
 mod settings;
 mod slits;
 mod spectral;
+pub mod tables;
 mod terms;
 #[cfg(test)]
 mod terms_tests;

@@ -8,6 +8,7 @@ mod map;
 mod orders;
 mod slice;
 mod surface;
+mod tables;
 mod terms;
 
 use crate::console::Console;
@@ -29,6 +30,8 @@ pub enum Brdf {
     Check(Box<check::Check>),
     /// Write Fourier terms of a height field for real-time rendering.
     Terms(Box<terms::Terms>),
+    /// Write the BRDF over pairs of directions, for Mitsuba and other renderers.
+    Tables(Box<tables::Tables>),
     /// Convert a height field of any supported format to an EXR map.
     Heights(Box<heights::Heights>),
     /// Generate a height field from a formula.
@@ -44,6 +47,7 @@ pub fn run(command: &Brdf, console: &Console) -> Result<(), Failure> {
         Brdf::Orders(args) => args.run(console),
         Brdf::Check(args) => args.run(console),
         Brdf::Terms(args) => args.run(console),
+        Brdf::Tables(args) => args.run(console),
         Brdf::Heights(args) => args.run(console),
         Brdf::Surface(args) => args.run(console),
     }

@@ -1,0 +1,142 @@
+//! Isotropic table in the format of the MERL set (Matusik et al., "A data-driven reflectance model", 2003): 90 × 90 ×
+//! 180 entries over the half vector's angle, and the difference vector's angle and azimuth.
+
+use super::{Prepared, Table, resolved_um};
+use crate::engine::Memory;
+use crate::geometry::Direction;
+use crate::height::{HeightField, Quality};
+use crate::settings::Settings;
+use nacre_base::progress::Progress;
+use nacre_base::random::Stream;
+use nacre_base::{Error, Result};
+use nacre_image::write_whole;
+use nacre_optics::color::{Illuminant, linear_srgb};
+use rayon::prelude::*;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::path::Path;
+
+/// Entries over the half vector's angle, the difference vector's angle, and its azimuth up to 180°.
+const SHAPE: [usize; 3] = [90, 90, 180];
+
+/// Units of red, green and blue in the set's files.
+const UNITS: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
+
+/// Entry of directions below the surface.
+const BELOW: f64 = -1.0;
+
+/// Azimuths over which the BRDF is averaged.
+const AZIMUTHS: usize = 12;
+
+/// Largest deviation of an isotropic BRDF from its mean over azimuths (root mean square over that of the mean).
+const ISOTROPIC: f64 = 0.25;
+
+/// Pairs of directions at which isotropy is tested.
+const TESTED: usize = 300;
+
+/// Computes the table as a mean over azimuths.
+///
+/// # Errors
+/// `Input` for a surface that is not isotropic, and as [`map`](crate::map); `Output` if the file cannot be written.
+pub fn merl(
+    field: &HeightField,
+    quality: &Quality,
+    settings: &Settings,
+    coherence_um: Option<f64>,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Table> {
+    // A degree in the half vector's angle.
+    let coherence_um = coherence_um.unwrap_or_else(|| resolved_um(2.0 * PI / 180.0));
+    let settings = Settings { coherence_um, ..settings.clone() };
+    let entries = SHAPE.iter().product::<usize>();
+    let prepared = Prepared::new(field, quality, &settings, 20 * AZIMUTHS * entries, progress)?;
+    let samples = prepared.samples()?;
+    let mean = |pair: [Direction; 2], memory: &mut Memory| {
+        let mut sum = [0.0; 3];
+        for k in 0..AZIMUTHS {
+            let turned = pair.map(|d| turned(d, TAU * k as f64 / AZIMUTHS as f64));
+            let value = prepared.xyz(turned, &samples, memory);
+            sum.iter_mut().zip(value).for_each(|(s, v)| *s += v / AZIMUTHS as f64);
+        }
+        sum
+    };
+    let off = deviation(&prepared, &samples, &mean);
+    if off > ISOTROPIC {
+        let problem = format!("is not isotropic: its BRDF changes by {:.0} % with the azimuth", 100.0 * off);
+        return Err(Error::input(&field.name, problem, "give --format mitsuba, which holds azimuths"));
+    }
+    let white = Illuminant::of(&settings.illuminant)?.white(settings.observer).unwrap_or([1.0; 3]);
+    let white = linear_srgb(white.map(|v| v as f32));
+    let rgb = |xyz: [f64; 3]| {
+        let linear = linear_srgb(xyz.map(|v| v as f32));
+        [0, 1, 2].map(|c| f64::from((linear[c] / white[c]).max(0.0)))
+    };
+    progress.stage("half vectors", SHAPE[0] as u64);
+    let rows: Vec<Vec<[f64; 3]>> = (0..SHAPE[0])
+        .into_par_iter()
+        .map_init(Memory::default, |memory, h| {
+            let row = (0..SHAPE[1] * SHAPE[2]).map(|k| match pair_of(h, k / SHAPE[2], k % SHAPE[2]) {
+                Some(pair) if !progress.cancelled() => rgb(mean(pair, memory)),
+                _ => [BELOW; 3],
+            });
+            let row = row.collect();
+            progress.step();
+            row
+        })
+        .collect();
+    progress.check()?;
+    let table: Vec<[f64; 3]> = rows.into_iter().flatten().collect();
+    let mut bytes: Vec<u8> = SHAPE.iter().flat_map(|n| (*n as i32).to_le_bytes()).collect();
+    for (c, unit) in UNITS.iter().enumerate() {
+        bytes.extend(table.iter().flat_map(|v| if v[c] < 0.0 { v[c] } else { v[c] / unit }.to_le_bytes()));
+    }
+    write_whole(out, &bytes)?;
+    let mut warnings = prepared.warnings();
+    warnings.push(format!("a mean over azimuths, over which the BRDF changes by {:.0} %", 100.0 * off));
+    let (choice, extent) = (prepared.choice, prepared.extent);
+    Ok(Table { choice, shape: SHAPE.to_vec(), coherence_um, extent, error: off, warnings })
+}
+
+/// Root mean square deviation of the BRDF from its mean over azimuths.
+fn deviation(
+    prepared: &Prepared<'_>,
+    samples: &crate::spectral::Samples,
+    mean: &(dyn Fn([Direction; 2], &mut Memory) -> [f64; 3] + Sync),
+) -> f64 {
+    let squares = |memory: &mut Memory, k: usize| {
+        let mut stream = Stream::new(k, 1);
+        let index = SHAPE.map(|n| stream.below(n));
+        let Some(pair) = pair_of(index[0], index[1], index[2]) else { return [0.0; 2] };
+        if (pair[0].x + pair[1].x).hypot(pair[0].y + pair[1].y) < prepared.mirror_lobe() {
+            return [0.0; 2];
+        }
+        let angle = TAU * stream.next();
+        let pair = pair.map(|d| turned(d, angle));
+        let (one, all) = (prepared.xyz(pair, samples, memory)[1], mean(pair, memory)[1]);
+        let cosines = (pair[0].z * pair[1].z).powi(2);
+        [(one - all).powi(2) * cosines, all * all * cosines]
+    };
+    let sums = (0..TESTED).into_par_iter().map_init(Memory::default, squares);
+    let [off, all] = sums.reduce(|| [0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    (off / all.max(f64::MIN_POSITIVE)).sqrt()
+}
+
+/// Directions of an entry's middle; `None` if one is below the surface.
+fn pair_of(h: usize, d: usize, p: usize) -> Option<[Direction; 2]> {
+    // Angles of half vectors are square roots, to resolve highlights.
+    let theta_h = ((h as f64 + 0.5) / SHAPE[0] as f64).powi(2) * FRAC_PI_2;
+    let theta_d = (d as f64 + 0.5) / SHAPE[1] as f64 * FRAC_PI_2;
+    let phi_d = (p as f64 + 0.5) / SHAPE[2] as f64 * PI;
+    let difference = Direction::new(theta_d, phi_d);
+    let tilted = |d: Direction| {
+        let (sin, cos) = theta_h.sin_cos();
+        Direction { x: d.x * cos + d.z * sin, y: d.y, z: d.z * cos - d.x * sin }
+    };
+    let pair = [difference, Direction { x: -difference.x, y: -difference.y, z: difference.z }].map(tilted);
+    pair.iter().all(|d| d.z > 0.0).then_some(pair)
+}
+
+fn turned(d: Direction, angle: f64) -> Direction {
+    let (sin, cos) = angle.sin_cos();
+    Direction { x: d.x * cos - d.y * sin, y: d.x * sin + d.y * cos, z: d.z }
+}
