@@ -29,7 +29,7 @@ pub fn write(
     }
     let selected = headers.iter().map(|h| h.channels.iter().filter(|c| wanted(c)).count()).sum::<usize>();
     progress.stage("exporting maps", selected as u64);
-    let mut exported = Exported { files: vec![], bytes: 0, warnings: vec![] };
+    let mut exported = Exported::default();
     for (path, header) in maps.iter().zip(&headers) {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let selected: Vec<&String> = header.channels.iter().filter(|c| wanted(c)).collect();
@@ -62,6 +62,15 @@ pub fn write(
 
 /// The EXR files of a folder, or the single file.
 fn maps(input: &Path) -> Result<Vec<PathBuf>> {
+    let maps = listed(input)?;
+    if maps.is_empty() {
+        return Err(Error::file(input, "contains no map (EXR)", "give a folder with results, or --format bag"));
+    }
+    Ok(maps)
+}
+
+/// As [`maps`], without an error for a folder without maps.
+pub(super) fn listed(input: &Path) -> Result<Vec<PathBuf>> {
     if !input.is_dir() {
         return Ok(vec![input.to_path_buf()]);
     }
@@ -70,14 +79,11 @@ fn maps(input: &Path) -> Result<Vec<PathBuf>> {
     let mut maps: Vec<PathBuf> =
         entries.filter_map(|e| Some(e.ok()?.path())).filter(|p| p.extension().is_some_and(|e| e == "exr")).collect();
     maps.sort();
-    if maps.is_empty() {
-        return Err(Error::file(input, "contains no map (EXR)", "give a folder with results, or --format bag"));
-    }
     Ok(maps)
 }
 
 /// Unit of a channel, from the attribute `units`: `orientation, sigma: rad; mask: …`.
-fn unit<'a>(header: &'a ExrHeader, channel: &str) -> &'a str {
+pub(super) fn unit<'a>(header: &'a ExrHeader, channel: &str) -> &'a str {
     let Some(units) = header.attributes.get("units") else { return "" };
     let mut parts = units.split(';').filter_map(|part| part.split_once(':'));
     parts.find(|(names, _)| names.split(',').any(|n| n.trim() == channel)).map_or("", |(_, unit)| unit.trim())
