@@ -131,7 +131,8 @@ impl<'a> Run<'a> {
                 "warnings": warnings,
             },
         });
-        let stated = [("title", &plan.name), ("sample", &plan.sample), ("operator", &plan.operator), ("notes", &plan.notes)];
+        let stated =
+            [("title", &plan.name), ("sample", &plan.sample), ("operator", &plan.operator), ("notes", &plan.notes)];
         for (key, text) in stated.into_iter().filter(|(_, text)| !text.is_empty()) {
             start[key] = json!(text);
         }
@@ -152,10 +153,13 @@ impl<'a> Run<'a> {
             keys.insert((*name).into(), data_key(unit, &values[0]));
         }
         let dims = &["y", "x", "colour"][..shape.len()];
-        keys.insert(CAMERA.into(), json!({
-            "source": "frames of the session, values as in their files", "dtype": "array", "dtype_numpy": "<u2",
-            "shape": shape, "dims": dims, "external": "STREAM:",
-        }));
+        keys.insert(
+            CAMERA.into(),
+            json!({
+                "source": "frames of the session, values as in their files", "dtype": "array", "dtype_numpy": "<u2",
+                "shape": shape, "dims": dims, "external": "STREAM:",
+            }),
+        );
         let names: Vec<&str> = keys.keys().map(String::as_str).collect();
         let time = shots.first().map(|s| s.time);
         let text = json!({
@@ -164,29 +168,38 @@ impl<'a> Run<'a> {
             "hints": {"nacre": {"fields": columns.iter().map(|c| c.0).filter(|c| *c == "analyser_deg").collect::<Vec<_>>()}},
         });
         documents.push(("descriptor", text));
-        documents.push(("stream_resource", json!({
-            "uid": resource, "run_start": self.uid("start"), "data_key": CAMERA,
-            "mimetype": "multipart/related;type=image/tiff", "uri": uri(&out.join(stream)),
-            "parameters": {"template": "{:04d}.tif", "chunk_shape": [1], "join_method": "stack"},
-        })));
+        documents.push((
+            "stream_resource",
+            json!({
+                "uid": resource, "run_start": self.uid("start"), "data_key": CAMERA,
+                "mimetype": "multipart/related;type=image/tiff", "uri": uri(&out.join(stream)),
+                "parameters": {"template": "{:04d}.tif", "chunk_shape": [1], "join_method": "stack"},
+            }),
+        ));
         for (k, shot) in shots.iter().enumerate() {
             let row = |value: &dyn Fn(&Vec<Value>) -> Value| -> Map<String, Value> {
                 columns.iter().map(|(name, _, values)| ((*name).into(), value(values))).collect()
             };
-            documents.push(("event", json!({
-                "uid": self.uid(&shot.step.file), "descriptor": descriptor, "seq_num": k + 1, "time": shot.time,
-                "data": row(&|values| values[k].clone()), "timestamps": row(&|_| shot.time.into()), "filled": {},
-            })));
+            documents.push((
+                "event",
+                json!({
+                    "uid": self.uid(&shot.step.file), "descriptor": descriptor, "seq_num": k + 1, "time": shot.time,
+                    "data": row(&|values| values[k].clone()), "timestamps": row(&|_| shot.time.into()), "filled": {},
+                }),
+            ));
         }
-        documents.push(("stream_datum", json!({
-            "uid": format!("{resource}/0"), "stream_resource": resource, "descriptor": descriptor,
-            "indices": {"start": 0, "stop": shots.len()},
-            "seq_nums": {"start": 1, "stop": shots.len() + 1},
-        })));
+        documents.push((
+            "stream_datum",
+            json!({
+                "uid": format!("{resource}/0"), "stream_resource": resource, "descriptor": descriptor,
+                "indices": {"start": 0, "stop": shots.len()},
+                "seq_nums": {"start": 1, "stop": shots.len() + 1},
+            }),
+        ));
     }
 
     fn stop(&self, events: Map<String, Value>) -> Value {
-        let ended = self.journal.timed().filter_map(|(time, _)| time).last();
+        let ended = self.journal.timed().filter_map(|(time, _)| time).next_back();
         let (status, reason) = match (self.journal.finished(), self.journal.why_stopped()) {
             (true, _) => ("success", String::new()),
             (false, Some(reason)) if self.journal.fault().is_some() => ("fail", reason),

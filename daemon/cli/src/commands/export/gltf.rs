@@ -36,7 +36,8 @@ pub fn bytes(surface: &Surface) -> Vec<u8> {
         binary.extend(part);
         binary.resize(binary.len().next_multiple_of(4), 0);
     }
-    let accessor = |view: u32, kind: &str| json!({"bufferView": view, "componentType": FLOAT, "count": 4, "type": kind});
+    let accessor =
+        |view: u32, kind: &str| json!({"bufferView": view, "componentType": FLOAT, "count": 4, "type": kind});
     let mut accessors = vec![accessor(0, "VEC3"), accessor(1, "VEC3"), accessor(2, "VEC4"), accessor(3, "VEC2")];
     accessors[0]["min"] = json!([-x, -y, 0.0]);
     accessors[0]["max"] = json!([x, y, 0.0]);
@@ -96,4 +97,33 @@ fn container(document: &Value, binary: &[u8]) -> Vec<u8> {
         bytes.extend(chunk);
     }
     bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_are_aligned_and_fill_the_file() {
+        for texture in 1..9 {
+            let surface = Surface {
+                size_mm: [30.0, 20.0],
+                texture: vec![7; texture],
+                alpha_across: 0.2,
+                reflectance: [0.9; 3],
+                lost: vec!["Colours: none.".into()],
+                warnings: vec![],
+            };
+            let file = bytes(&surface);
+            let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
+            assert_eq!((&file[..4], word(4), word(8)), (b"glTF".as_slice(), 2, file.len()));
+            let json = word(12);
+            assert_eq!((json % 4, 28 + json + word(20 + json)), (0, file.len()));
+            let document: Value = serde_json::from_slice(&file[20..20 + json]).unwrap();
+            assert_eq!(document["asset"]["extras"]["lost"][0], "Colours: none.");
+            let view = &document["bufferViews"][5];
+            let at = 28 + json + view["byteOffset"].as_u64().unwrap() as usize;
+            assert_eq!(&file[at..at + texture], surface.texture);
+        }
+    }
 }

@@ -20,13 +20,7 @@ pub fn write(
     let maps = maps(input)?;
     let headers = maps.iter().map(|path| read_exr_header(path)).collect::<Result<Vec<_>>>()?;
     let wanted = |name: &String| channels.is_empty() || channels.contains(name);
-    for channel in channels {
-        if !headers.iter().any(|h| h.channels.contains(channel)) {
-            let known: Vec<&str> = headers.iter().flat_map(|h| h.channels.iter().map(String::as_str)).collect();
-            let remedy = format!("give some of {}", known.join(", "));
-            return Err(Error::input("--channel", format!("{channel} is in no map"), remedy));
-        }
-    }
+    check_channels(channels, &headers)?;
     let selected = headers.iter().map(|h| h.channels.iter().filter(|c| wanted(c)).count()).sum::<usize>();
     progress.stage("exporting maps", selected as u64);
     let mut exported = Exported::default();
@@ -58,6 +52,16 @@ pub fn write(
         }
     }
     Ok(exported)
+}
+
+/// Checks that each wanted channel is in some map.
+pub(super) fn check_channels(wanted: &[String], headers: &[ExrHeader]) -> Result<()> {
+    let Some(missing) = wanted.iter().find(|c| !headers.iter().any(|h| h.channels.contains(c))) else { return Ok(()) };
+    let mut known: Vec<&str> = headers.iter().flat_map(|h| h.channels.iter().map(String::as_str)).collect();
+    known.sort_unstable();
+    known.dedup();
+    let remedy = format!("give some of {}", known.join(", "));
+    Err(Error::input("--channel", format!("{missing} is in no map"), remedy))
 }
 
 /// The EXR files of a folder, or the single file.

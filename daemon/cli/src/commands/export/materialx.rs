@@ -62,13 +62,18 @@ pub fn nodes() -> Vec<Node> {
         v(name, "multiply", "vector3FA", vec![("in1", "vector3", of(vector)), ("in2", "float", of(by))])
     };
     vec![
-        v("texture", "image", "vector3", vec![
-            ("file", "filename", value(TEXTURE)),
-            ("uaddressmode", "string", value("clamp")),
-            ("vaddressmode", "string", value("clamp")),
-            // Opposite vectors are one direction, and their mean is none.
-            ("filtertype", "string", value("closest")),
-        ]),
+        v(
+            "texture",
+            "image",
+            "vector3",
+            vec![
+                ("file", "filename", value(TEXTURE)),
+                ("uaddressmode", "string", value("clamp")),
+                ("vaddressmode", "string", value("clamp")),
+                // Opposite vectors are one direction, and their mean is none.
+                ("filtertype", "string", value("closest")),
+            ],
+        ),
         Node {
             name: "parts",
             category: "separate3",
@@ -89,10 +94,11 @@ pub fn nodes() -> Vec<Node> {
         f("ratio", "divide", vec![("in1", along()), ("in2", of("across"))]),
         f("anisotropy", "subtract", vec![("in1", value("1")), ("in2", of("ratio"))]),
         f("across_squared", "multiply", vec![("in1", of("across")), ("in2", of("across"))]),
-        f("squares", "add", vec![
-            ("in1", of("across_squared")),
-            ("in2", Link::Value((ALPHA_ALONG * ALPHA_ALONG).to_string())),
-        ]),
+        f(
+            "squares",
+            "add",
+            vec![("in1", of("across_squared")), ("in2", Link::Value((ALPHA_ALONG * ALPHA_ALONG).to_string()))],
+        ),
         f("mean_square", "multiply", vec![("in1", of("squares")), ("in2", value("0.5"))]),
         f("roughness", "power", vec![("in1", of("mean_square")), ("in2", value("0.25"))]),
     ]
@@ -130,4 +136,22 @@ pub fn text(surface: &Surface) -> String {
              <input name=\"surfaceshader\" type=\"surfaceshader\" nodename=\"grating_surface\" />\n  \
              </surfacematerial>\n</materialx>\n";
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_refer_to_earlier_ones() {
+        let nodes = nodes();
+        let position = |name: &str| nodes.iter().position(|n| n.name == name).unwrap();
+        for (k, node) in nodes.iter().enumerate() {
+            assert_eq!(position(node.name), k);
+            for (_, _, link) in &node.inputs {
+                assert!(!matches!(link, Link::Node(from, _) if position(from) >= k), "{}", node.name);
+            }
+        }
+        OUTPUTS.iter().for_each(|(_, kind, node)| assert_eq!(nodes[position(node)].kind, *kind));
+    }
 }

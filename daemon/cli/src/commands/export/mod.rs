@@ -33,7 +33,7 @@ Examples:
   nacre export result --format gltf --material gold --out model
 
 tiff, npy and csv write one file per channel, NAME.CHANNEL.tif for NAME.exr; masked pixels are NaN, or empty in CSV.
-exr writes the same maps with ZIP compression, about half as large and slower to read. bag copies a folder into data/
+exr writes the same maps with ZIP compression, about a fifth smaller and slower to read. bag copies a folder into data/
 with SHA-256 checksums of all files (BagIt, RFC 8493). bluesky writes documents.jsonl and the frames as TIFF; the
 documents name the frames by absolute paths. zarr writes a group per map, and one for the frames of a session.
 

@@ -1,8 +1,8 @@
 //! Gratings as anisotropic metal, the nearest material of formats without diffraction.
 //!
-//! The roughness is increased along the grating vector, across the grooves, as of brushed metal. Its GGX slope α is the
-//! slope of a facet that reflects normal incidence into the first order of [`WAVELENGTH_NM`]. The highlight then reaches
-//! as far as the first order does, without its colours.
+//! The roughness is increased along the grating vector, across the grooves, as of brushed metal. Its GGX slope α is
+//! the slope of a facet that reflects normal incidence into the first order of [`WAVELENGTH_NM`]. The highlight then
+//! reaches as far as the first order does, without its colours.
 
 use super::maps;
 use nacre_base::{Error, Result};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 const WAVELENGTH_NM: f64 = 550.0;
 /// Period in µm where none is measured: that of a compact disc.
 const ASSUMED_PERIOD_UM: f64 = 1.6;
-/// GGX slope α along the grooves, and where no grating was measured. No measurement states it; 0.01 is a polished metal.
+/// GGX slope α along the grooves, and where no grating was measured. No measurement states it; 0.01 is polished metal.
 pub const ALPHA_ALONG: f64 = 0.01;
 /// Wavelengths in nm at which the reflectance gives red, green and blue: the dominant ones of the sRGB primaries.
 const RGB_NM: [f64; 3] = [611.0, 549.0, 464.0];
@@ -59,7 +59,9 @@ impl Surface {
         for k in 0..maps.orientation.len() {
             let (theta, alpha, weight) = maps.lobe(k);
             let strength = weight * ((alpha - ALPHA_ALONG) / (1.0 - ALPHA_ALONG)).max(0.0).sqrt();
-            pixels.extend([theta.cos() / 2.0 + 0.5, theta.sin() / 2.0 + 0.5, strength].map(|v| (v * 255.0).round() as u8));
+            pixels.extend(
+                [theta.cos() / 2.0 + 0.5, theta.sin() / 2.0 + 0.5, strength].map(|v| (v * 255.0).round() as u8),
+            );
             if weight > 0.0 {
                 across.push(alpha);
                 sigmas.extend(maps.sigma.as_ref().map(|s| f64::from(s[k]).to_degrees()).filter(|s| s.is_finite()));
@@ -69,7 +71,8 @@ impl Surface {
         if across.is_empty() {
             return Err(Error::file(input, "has no pixel with an orientation", "give a result with some"));
         }
-        let texture = encode_png8(maps.width, maps.height, 3, &pixels).map_err(|e| Error::output(Path::new(TEXTURE), e))?;
+        let texture =
+            encode_png8(maps.width, maps.height, 3, &pixels).map_err(|e| Error::output(Path::new(TEXTURE), e))?;
         let masked = 1.0 - across.len() as f64 / maps.orientation.len() as f64;
         let pitch_um = maps.pitch_um.unwrap_or(1e6 / maps.width.max(maps.height) as f64);
         let metal = material.cloned().map_or_else(|| "aluminium".parse(), Ok);
@@ -86,10 +89,15 @@ impl Surface {
             surface.lost.push("Size: the maps state no pixel_um, so the longer side is 1 m.".into());
         }
         if material.is_none() {
-            surface.lost.push("Metal: the maps state none, so the reflectance is that of aluminium (--material).".into());
+            surface
+                .lost
+                .push("Metal: the maps state none, so the reflectance is that of aluminium (--material).".into());
         }
         if maps.width.max(maps.height) > MAX_TEXTURE {
-            let size = format!("the texture has {} x {} pixels, and some viewers read only {MAX_TEXTURE}", maps.width, maps.height);
+            let size = format!(
+                "the texture has {} x {} pixels, and some viewers read only {MAX_TEXTURE}",
+                maps.width, maps.height
+            );
             surface.warnings.push(format!("{size}: `nacre map edit --resample` makes smaller maps"));
         }
         Ok(surface)
@@ -104,7 +112,9 @@ fn losses(masked: f64, periods: &mut [f64], sigmas: &mut [f64]) -> Vec<String> {
             .into(),
         "Efficiencies: the highlight decreases steadily from the mirror direction; real orders are separate.".into(),
         "Roughness along the grooves: not measured; α = 0.01 is assumed.".into(),
-        "Directions: 8 bits, within 0.32°; θ and θ + 180° are the same, so the texture must not be interpolated.".into(),
+        "Directions: 8 bits, within 0.32°; θ and θ + 180° are the same, so the texture must not be interpolated."
+            .into(),
+        "Offset: as in the map. Without a calibrated offset, one unknown angle is added to all directions.".into(),
     ];
     lost.push(if periods.is_empty() {
         format!("Period: not measured (µm); the width of the highlight is that of {ASSUMED_PERIOD_UM} µm everywhere.")
@@ -117,7 +127,10 @@ fn losses(masked: f64, periods: &mut [f64], sigmas: &mut [f64]) -> Vec<String> {
         lost.push(format!("Uncertainty: σ (median {median:.2}°) only weakens the strength, by exp(-2σ²)."));
     }
     if masked > 0.0 {
-        lost.push(format!("Mask: {:.1} % of the pixels carry no orientation; they are a plain mirror.", 100.0 * masked));
+        lost.push(format!(
+            "Mask: {:.1} % of the pixels carry no orientation; they are a plain mirror.",
+            100.0 * masked
+        ));
     }
     lost
 }
@@ -130,7 +143,8 @@ fn median(values: &mut [f64]) -> f64 {
 impl Maps {
     fn read(input: &Path) -> Result<Self> {
         let remedy = "give a result with an orientation, or its orientation.exr";
-        let path = with_channel(input, "orientation")?.ok_or_else(|| Error::file(input, "has no orientation", remedy))?;
+        let path =
+            with_channel(input, "orientation")?.ok_or_else(|| Error::file(input, "has no orientation", remedy))?;
         let header = read_exr_header(&path)?;
         let mut map = read_exr(&path)?;
         let orientation = map.take("orientation", &path)?;
@@ -158,7 +172,7 @@ impl Maps {
         })
     }
 
-    /// Angle of the grating vector, slope α across the grooves, and the certainty of the angle, which is 0 where masked.
+    /// Angle of the grating vector, slope α across the grooves, and certainty of the angle, which is 0 where masked.
     fn lobe(&self, k: usize) -> (f64, f64, f64) {
         let theta = f64::from(self.orientation[k]);
         if !theta.is_finite() || self.mask.as_ref().is_some_and(|mask| mask[k] < 0.5) {

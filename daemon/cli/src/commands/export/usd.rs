@@ -84,7 +84,8 @@ fn material(surface: &Surface) -> String {
         let kind = usd_type(kind);
         let _ = writeln!(text, "            {kind} inputs:{name}.connect = <{MATERIAL}/{GRAPH}.outputs:{name}>");
     }
-    let _ = write!(text, "            token outputs:out\n        }}\n\n        def NodeGraph \"{GRAPH}\"\n        {{\n");
+    let _ =
+        write!(text, "            token outputs:out\n        }}\n\n        def NodeGraph \"{GRAPH}\"\n        {{\n");
     for (name, kind, node) in OUTPUTS {
         let kind = usd_type(kind);
         let _ = writeln!(text, "            {kind} outputs:{name}.connect = <{MATERIAL}/{GRAPH}/{node}.outputs:out>");
@@ -103,7 +104,9 @@ fn nodes() -> String {
         for (name, kind, link) in &node.inputs {
             let (kind, is_text) = (usd_type(kind), *kind == "string");
             let _ = match link {
-                Link::Value(file) if kind == "asset" => writeln!(text, "                asset inputs:{name} = @{file}@"),
+                Link::Value(file) if kind == "asset" => {
+                    writeln!(text, "                asset inputs:{name} = @{file}@")
+                }
                 Link::Value(value) if is_text => writeln!(text, "                string inputs:{name} = \"{value}\""),
                 Link::Value(value) => writeln!(text, "                {kind} inputs:{name} = {value}"),
                 Link::Node(from, output) => {

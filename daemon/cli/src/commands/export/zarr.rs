@@ -7,12 +7,13 @@ use super::{Exported, maps, written};
 use flate2::{Compression, write::GzEncoder};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
+use nacre_capture::session::RESULTS;
 use nacre_frames::{FILE_NAME, FrameSet, LoadedFrames};
 use nacre_image::{Depth, ExrHeader, Info, OutputFolder, Samples, read, read_exr_channel, read_exr_header};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Longest side of a chunk in pixels: about 1 MB of a map.
 const CHUNK: usize = 512;
@@ -29,33 +30,31 @@ struct Array<'a> {
 }
 
 /// Writes all maps of a folder or file, each as a group, and the frames of a session as the group `frames`.
-pub fn write(
-    input: &Path,
-    channels: &[String],
-    folder: &OutputFolder,
-    progress: &dyn Progress,
-) -> Result<Exported> {
+pub fn write(input: &Path, channels: &[String], folder: &OutputFolder, progress: &dyn Progress) -> Result<Exported> {
     let mut store = Store { folder, exported: Exported::default() };
     store.group("", Map::from_iter([("software".into(), concat!("nacre ", env!("CARGO_PKG_VERSION")).into())]))?;
-    let results = input.join(nacre_capture::session::RESULTS);
-    for (folder, prefix) in [(input, ""), (results.as_path(), "results/")] {
-        let maps = if folder.is_dir() || prefix.is_empty() { maps::listed(folder)? } else { vec![] };
-        if !prefix.is_empty() && !maps.is_empty() {
-            store.group("results", Map::new())?;
-        }
-        progress.stage("exporting maps", maps.len() as u64);
-        for path in &maps {
-            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-            store.map(path, &format!("{prefix}{stem}"), channels, progress)?;
-            progress.step();
-        }
+    let mut maps: Vec<(String, PathBuf)> = maps::listed(input)?.into_iter().map(|path| (String::new(), path)).collect();
+    let results = input.join(RESULTS);
+    if results.is_dir() {
+        maps.extend(maps::listed(&results)?.into_iter().map(|path| (format!("{RESULTS}/"), path)));
+    }
+    let headers = maps.iter().map(|(_, path)| read_exr_header(path)).collect::<Result<Vec<_>>>()?;
+    maps::check_channels(channels, &headers)?;
+    if maps.iter().any(|(prefix, _)| !prefix.is_empty()) {
+        store.group(RESULTS, Map::new())?;
+    }
+    progress.stage("exporting maps", maps.len() as u64);
+    for ((prefix, path), header) in maps.iter().zip(&headers) {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        store.map(path, header, &format!("{prefix}{stem}"), channels, progress)?;
+        progress.step();
     }
     if channels.is_empty() && input.join(FILE_NAME).exists() {
         store.frames(&nacre_frames::load(input)?, progress)?;
     }
     if store.exported.files.len() < 2 {
-        let remedy = "give a folder with results, a session, or other --channel";
-        return Err(Error::file(input, "contains neither these maps (EXR) nor frames", remedy));
+        let remedy = "give a folder with results, or a session";
+        return Err(Error::file(input, "contains neither maps (EXR) nor frames", remedy));
     }
     Ok(store.exported)
 }
@@ -81,26 +80,33 @@ impl Store<'_> {
     }
 
     /// Writes the channels of a map, with the positions of its pixels.
-    fn map(&mut self, path: &Path, group: &str, wanted: &[String], progress: &dyn Progress) -> Result<()> {
-        let header = read_exr_header(path)?;
+    fn map(
+        &mut self,
+        path: &Path,
+        header: &ExrHeader,
+        group: &str,
+        wanted: &[String],
+        progress: &dyn Progress,
+    ) -> Result<()> {
         let channels: Vec<&String> =
             header.channels.iter().filter(|c| wanted.is_empty() || wanted.contains(c)).collect();
         if channels.is_empty() {
             return Ok(());
         }
-        self.group(group, attributes(&header))?;
+        self.group(group, attributes(header))?;
         let (width, height) = (header.width, header.height);
         let pitch_um = header.attributes.get("pixel_um").and_then(|text| text.parse().ok());
         self.positions(group, [width, height], pitch_um)?;
         for channel in channels {
             progress.check()?;
-            let missing = || Error::file(path, format!("has no channel {channel}"), "it was changed meanwhile; try again");
+            let missing =
+                || Error::file(path, format!("has no channel {channel}"), "it was changed meanwhile; try again");
             let (values, _) = read_exr_channel(path, channel)?.ok_or_else(missing)?;
             let array = Array {
                 name: format!("{group}/{}", channel.replace(['/', '\\'], "_")),
                 dims: vec![("y", height), ("x", width)],
                 data_type: "float32",
-                attributes: described(channel, maps::unit(&header, channel)),
+                attributes: described(channel, maps::unit(header, channel)),
             };
             self.array(&array, &[CHUNK.min(height), CHUNK.min(width)])?;
             self.tiles(&array, &[], &values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>())?;
@@ -140,21 +146,8 @@ impl Store<'_> {
         let about = about.as_object().cloned().unwrap_or_default();
         self.group("frames", about.into_iter().filter(|(key, _)| key != "frames").collect())?;
         self.positions("frames", [width, height], set.geometry.as_ref().and_then(|g| g.pixel_um))?;
-        let stated = [
-            ("analyser_deg", "deg", "analyser angle", set.frames.iter().map(|f| f.analyser_deg).collect::<Vec<_>>()),
-            ("exposure_s", "s", "exposure time", set.frames.iter().map(|f| f.exposure_s).collect()),
-            ("gain", "1", "gain", set.frames.iter().map(|f| f.gain).collect()),
-        ];
-        let mut coordinates = vec![];
-        for (name, unit, long, values) in stated {
-            if values.iter().any(Option::is_some) {
-                let values: Vec<f64> = values.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect();
-                self.line("frames", name, "frame", unit, long, &values)?;
-                coordinates.push(name);
-            }
-        }
         let mut attributes = described("values as in the files", "");
-        attributes.insert("coordinates".into(), coordinates.join(" ").into());
+        attributes.insert("coordinates".into(), self.conditions(set)?.into());
         let mut array = Array {
             name: "frames/values".into(),
             dims: vec![("frame", set.frames.len()), ("y", height), ("x", width)],
@@ -183,6 +176,24 @@ impl Store<'_> {
             progress.step();
         }
         Ok(())
+    }
+
+    /// Writes analyser angles, exposures and gains, if frames state them; returns their names.
+    fn conditions(&mut self, set: &FrameSet) -> Result<String> {
+        let stated = [
+            ("analyser_deg", "deg", "analyser angle", set.frames.iter().map(|f| f.analyser_deg).collect::<Vec<_>>()),
+            ("exposure_s", "s", "exposure time", set.frames.iter().map(|f| f.exposure_s).collect()),
+            ("gain", "1", "gain", set.frames.iter().map(|f| f.gain).collect()),
+        ];
+        let mut coordinates = vec![];
+        for (name, unit, long, values) in stated {
+            if values.iter().any(Option::is_some) {
+                let values: Vec<f64> = values.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect();
+                self.line("frames", name, "frame", unit, long, &values)?;
+                coordinates.push(name);
+            }
+        }
+        Ok(coordinates.join(" "))
     }
 
     /// Writes the metadata of an array in chunks of this shape.
@@ -220,7 +231,8 @@ impl Store<'_> {
             .map(|&(i, j)| {
                 let mut tile = vec![0; rows * columns * pixel];
                 let length = columns.min(width - j * columns) * pixel;
-                for (row, target) in (i * rows..height.min((i + 1) * rows)).zip(tile.chunks_exact_mut(columns * pixel)) {
+                for (row, target) in (i * rows..height.min((i + 1) * rows)).zip(tile.chunks_exact_mut(columns * pixel))
+                {
                     let from = (row * width + j * columns) * pixel;
                     target[..length].copy_from_slice(&bytes[from..from + length]);
                 }
