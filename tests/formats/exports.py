@@ -104,8 +104,9 @@ def groups(pitch_um):
     assert x.attrs["units"] == "um" and np.allclose(np.diff(x[:]), pitch_um, rtol=1e-6) and np.allclose(np.diff(y[:]), -pitch_um, rtol=1e-6)
     nacre("export", "session", "--format", "zarr", "--out", "session.zarr")
     frames = zarr.open_group("session.zarr", mode="r")["frames"]
-    listed = json.loads(Path("session/frames.json").read_text())["frames"]
-    for k, frame in enumerate(listed):
+    described = json.loads(Path("session/frames.json").read_text())
+    assert dict(frames.attrs) == described, frames.attrs
+    for k, frame in enumerate(described["frames"]):
         np.testing.assert_array_equal(frames["values"][k], np.array(Image.open(Path("session") / frame["file"])))
         assert frames["analyser_deg"][k] == frame["analyser_deg"]
 

@@ -24,7 +24,7 @@ use surface::Surface;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  nacre export result --out tiff                       float TIFFs with pixel pitch, for Fiji and MATLAB
+  nacre export result --out tiff                       float TIFFs with pixel pitch, for Fiji
   nacre export result --format csv --channel orientation --channel sigma --out tables
   nacre export result/orientation.exr --format npy --out arrays
   nacre export session --out bag                       BagIt folder with checksums, for archives
@@ -32,13 +32,14 @@ Examples:
   nacre export session --format zarr --out data.zarr   maps and frames for xarray
   nacre export result --format gltf --material gold --out model
 
-tiff, npy and csv write one file per channel, NAME.CHANNEL.tif for NAME.exr; masked pixels are NaN, or empty in CSV.
-exr writes the same maps with ZIP compression, about a fifth smaller and slower to read. bag copies a folder into data/
-with SHA-256 checksums of all files (BagIt, RFC 8493). bluesky writes documents.jsonl and the frames as TIFF; the
-documents name the frames by absolute paths. zarr writes a group per map, and one for the frames of a session.
+tiff, npy and csv write one file per channel, NAME.CHANNEL.tif for NAME.exr; masked pixels are
+NaN, or empty in CSV. exr writes the same maps with ZIP compression, about a fifth smaller and
+slower to read. bag copies a folder into data/ with SHA-256 checksums of all files (BagIt, RFC
+8493). bluesky writes documents.jsonl, and the frames as TIFF, which the documents name by absolute
+paths. zarr writes a group per map, and one for the frames of a session.
 
-gltf, materialx and usd have no diffraction. They hold a metal whose highlight is stretched across the grooves.
-lost.txt states all losses and assumptions.")]
+gltf, materialx and usd have no diffraction. They hold a metal whose highlight is stretched across
+the grooves. lost.txt states all losses and assumptions.")]
 pub struct Args {
     /// Folder with maps, a single map (EXR), or a session.
     input: PathBuf,

@@ -120,7 +120,8 @@ fn losses(masked: f64, periods: &mut [f64], sigmas: &mut [f64]) -> Vec<String> {
         format!("Period: not measured (µm); the width of the highlight is that of {ASSUMED_PERIOD_UM} µm everywhere.")
     } else {
         let median = median(periods);
-        format!("Period: only as width of the highlight, at {WAVELENGTH_NM} nm (median period {median:.3} µm).")
+        let of = format!("median {median:.3} µm, {ASSUMED_PERIOD_UM} µm where not measured");
+        format!("Period: only as width of the highlight, at {WAVELENGTH_NM} nm ({of}).")
     });
     if !sigmas.is_empty() {
         let median = median(sigmas);

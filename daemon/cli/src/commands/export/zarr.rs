@@ -141,10 +141,7 @@ impl Store<'_> {
     fn frames(&mut self, loaded: &LoadedFrames, progress: &dyn Progress) -> Result<()> {
         let set = &loaded.set;
         let Info { width, height, channels, depth } = loaded.info;
-        let mut about = json!(FrameSet { frames: vec![], ..set.clone() });
-        about["files"] = set.frames.iter().map(|f| f.file.to_string_lossy()).collect();
-        let about = about.as_object().cloned().unwrap_or_default();
-        self.group("frames", about.into_iter().filter(|(key, _)| key != "frames").collect())?;
+        self.group("frames", json!(set).as_object().cloned().unwrap_or_default())?;
         self.positions("frames", [width, height], set.geometry.as_ref().and_then(|g| g.pixel_um))?;
         let mut attributes = described("values as in the files", "");
         attributes.insert("coordinates".into(), self.conditions(set)?.into());
