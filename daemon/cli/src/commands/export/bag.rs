@@ -19,7 +19,7 @@ const PIECE: usize = 1 << 20;
 /// Copies a folder into a bag. Damage of a session is a warning: a bag of a damaged session is better than none.
 pub fn write(input: &Path, is_session: bool, folder: &OutputFolder, progress: &dyn Progress) -> Result<Exported> {
     let files = files(input)?;
-    let mut exported = Exported { files: vec![], bytes: 0, warnings: vec![] };
+    let mut exported = Exported::default();
     if is_session {
         exported.warnings = warnings(input);
     }
@@ -63,7 +63,7 @@ pub fn write(input: &Path, is_session: bool, folder: &OutputFolder, progress: &d
 }
 
 /// Problems of a session's files.
-fn warnings(session: &Path) -> Vec<String> {
+pub(super) fn warnings(session: &Path) -> Vec<String> {
     match check(session) {
         Ok(condition) if condition.finished => {
             condition.trouble.iter().map(|t| format!("{}: {}", t.file, t.problem)).collect()

@@ -20,16 +20,10 @@ pub fn write(
     let maps = maps(input)?;
     let headers = maps.iter().map(|path| read_exr_header(path)).collect::<Result<Vec<_>>>()?;
     let wanted = |name: &String| channels.is_empty() || channels.contains(name);
-    for channel in channels {
-        if !headers.iter().any(|h| h.channels.contains(channel)) {
-            let known: Vec<&str> = headers.iter().flat_map(|h| h.channels.iter().map(String::as_str)).collect();
-            let remedy = format!("give some of {}", known.join(", "));
-            return Err(Error::input("--channel", format!("{channel} is in no map"), remedy));
-        }
-    }
+    check_channels(channels, &headers)?;
     let selected = headers.iter().map(|h| h.channels.iter().filter(|c| wanted(c)).count()).sum::<usize>();
     progress.stage("exporting maps", selected as u64);
-    let mut exported = Exported { files: vec![], bytes: 0, warnings: vec![] };
+    let mut exported = Exported::default();
     for (path, header) in maps.iter().zip(&headers) {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let selected: Vec<&String> = header.channels.iter().filter(|c| wanted(c)).collect();
@@ -60,8 +54,27 @@ pub fn write(
     Ok(exported)
 }
 
+/// Checks that each wanted channel is in some map.
+pub(super) fn check_channels(wanted: &[String], headers: &[ExrHeader]) -> Result<()> {
+    let Some(missing) = wanted.iter().find(|c| !headers.iter().any(|h| h.channels.contains(c))) else { return Ok(()) };
+    let mut known: Vec<&str> = headers.iter().flat_map(|h| h.channels.iter().map(String::as_str)).collect();
+    known.sort_unstable();
+    known.dedup();
+    let remedy = format!("give some of {}", known.join(", "));
+    Err(Error::input("--channel", format!("{missing} is in no map"), remedy))
+}
+
 /// The EXR files of a folder, or the single file.
 fn maps(input: &Path) -> Result<Vec<PathBuf>> {
+    let maps = listed(input)?;
+    if maps.is_empty() {
+        return Err(Error::file(input, "contains no map (EXR)", "give a folder with results, or --format bag"));
+    }
+    Ok(maps)
+}
+
+/// As [`maps`], without an error for a folder without maps.
+pub(super) fn listed(input: &Path) -> Result<Vec<PathBuf>> {
     if !input.is_dir() {
         return Ok(vec![input.to_path_buf()]);
     }
@@ -70,14 +83,11 @@ fn maps(input: &Path) -> Result<Vec<PathBuf>> {
     let mut maps: Vec<PathBuf> =
         entries.filter_map(|e| Some(e.ok()?.path())).filter(|p| p.extension().is_some_and(|e| e == "exr")).collect();
     maps.sort();
-    if maps.is_empty() {
-        return Err(Error::file(input, "contains no map (EXR)", "give a folder with results, or --format bag"));
-    }
     Ok(maps)
 }
 
 /// Unit of a channel, from the attribute `units`: `orientation, sigma: rad; mask: …`.
-fn unit<'a>(header: &'a ExrHeader, channel: &str) -> &'a str {
+pub(super) fn unit<'a>(header: &'a ExrHeader, channel: &str) -> &'a str {
     let Some(units) = header.attributes.get("units") else { return "" };
     let mut parts = units.split(';').filter_map(|part| part.split_once(':'));
     parts.find(|(names, _)| names.split(',').any(|n| n.trim() == channel)).map_or("", |(_, unit)| unit.trim())
