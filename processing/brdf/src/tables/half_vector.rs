@@ -1,9 +1,9 @@
-//! Table over half vectors, as `lut.exr`: what a camera beside the flash would photograph.
+//! Table over half vectors, as `lut.exr` of a photograph by a camera beside the flash.
 //!
 //! Stam's BRDF is `(1 + ωi·ωr)² / (cos θi cos θr)` times a function of the half vector and of w = cos θi + cos θr. A
 //! table leaves w out, and has that of equal directions of light and view. So it is exact for those, and for orders of
-//! surfaces so shallow that w only scales their amplitude (2017 TOG paper, section 4). Light in the mirror direction does
-//! not follow it: a table has its lobe too dark by cos²θ.
+//! surfaces so shallow that w only scales their amplitude (2017 TOG paper, section 4). The lobe in the mirror direction
+//! does not follow this: a table has it too dark by cos²θ.
 
 use super::{Prepared, Table, check_size, resolved_um};
 use crate::engine::Memory;

@@ -49,9 +49,10 @@ pub struct Table {
     pub choice: Choice,
     /// Number of entries along each axis.
     pub shape: Vec<usize>,
-    /// Coherence width in µm, reduced to what the cells resolve unless it was given.
+    /// Coherence width in µm. If none was given, it is such that lobes fill the cells.
     pub coherence_um: f64,
-    /// Largest magnitude in the plane of the half vector ωi + ωr that the pixels of the height field carry; dark beyond.
+    /// Largest magnitude, in the plane, of the half vector ωi + ωr that the pixels of the height field carry. The table is
+    /// dark beyond.
     pub extent: f64,
     /// Root mean square difference between the interpolated table and the BRDF at random pairs of directions, over the
     /// root mean square of the BRDF there (measured). Outside of the lobe in the mirror direction, which outshines all
@@ -131,9 +132,10 @@ impl<'a> Prepared<'a> {
         Ok(Samples::in_steps((1e3 * MIDDLE_UM * moved).clamp(1.0, 20.0), &light, self.settings.observer))
     }
 
-    /// Error of a table: `table` interpolates its BRDF times the cosine of view, in Y, at a pair of directions. They are drawn with the density of
-    /// a table's entries: directions of light evenly in angle, half vectors densest near the normal. Half vectors
-    /// within a radius, in the plane, are left out.
+    /// Error of a table: `table` interpolates its BRDF times the cosine of view, in Y, at a pair of directions.
+    ///
+    /// Pairs are drawn with the density of a table's entries: directions of light evenly in angle, half vectors densest
+    /// near the normal. Half vectors within a radius, in the plane, are left out.
     fn compared(&self, samples: &Samples, radius: f64, table: &(dyn Fn([Direction; 2]) -> f64 + Sync)) -> f64 {
         let squares = |memory: &mut Memory, k: usize| {
             let mut stream = Stream::new(k, 0);

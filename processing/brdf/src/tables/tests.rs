@@ -80,3 +80,55 @@ fn a_grating_is_no_isotropic_material() {
     assert!(error.contains("not isotropic") && error.contains("mitsuba"), "{error}");
     assert!(!out.exists());
 }
+
+/// Random waves with directions all around.
+fn bumps() -> (HeightField, Quality) {
+    let mut stream = Stream::of(5);
+    let waves: Vec<[f64; 3]> = (0..200)
+        .map(|_| {
+            // Whole periods in the patch of 10.24 µm, so that it repeats.
+            let (f, phi) = (4.0 + 8.0 * stream.next(), TAU * stream.next());
+            [(f * phi.cos()).round(), (f * phi.sin()).round(), TAU * stream.next()]
+        })
+        .collect();
+    let height = |k: usize| {
+        let (x, y) = ((k % 128) as f64 / 128.0, (k / 128) as f64 / 128.0);
+        waves.iter().map(|[fx, fy, phase]| (TAU * (fx * x + fy * y) + phase).cos()).sum::<f64>() * 0.005
+    };
+    let um = (0..128 * 128).map(height).collect();
+    let field =
+        HeightField { name: "bumps".into(), width: 128, height: 128, pixel_um: 0.08, um, step_um: None, notes: vec![] };
+    let quality = Quality::of(&field, 8.0);
+    (field, quality)
+}
+
+#[test]
+fn an_isotropic_table_is_the_mean_over_azimuths() {
+    let place = tempfile::tempdir().unwrap();
+    let (field, quality) = bumps();
+    let out = place.path().join("bumps.binary");
+    let settings = Settings { illuminant: "D65".into(), ..Settings::default() };
+    let table = merl(&field, &quality, &settings, None, &out, &Silent).unwrap();
+    let bytes = std::fs::read(&out).unwrap();
+    assert_eq!(bytes.len(), 12 + 3 * 8 * 90 * 90 * 180);
+    let settings = Settings { coherence_um: table.coherence_um, ..settings };
+    let prepared = Prepared::new(&field, &quality, &settings, 1000, &Silent).unwrap();
+    let samples = prepared.samples().unwrap();
+    for (h, d, p) in [(0, 10, 20), (30, 20, 90), (45, 5, 40), (40, 40, 130)] {
+        let pair = merl::pair_of(h, d, p).unwrap();
+        let mut sum = [0.0; 3];
+        for k in 0..180 {
+            let turned = pair.map(|d| merl::turned(d, TAU * f64::from(k) / 180.0));
+            let value = prepared.xyz(turned, &samples, &mut Memory::default());
+            sum.iter_mut().zip(value).for_each(|(s, v)| *s += v / 180.0);
+        }
+        let number = |c: usize| {
+            let at = 12 + 8 * (((c * 90 + h) * 90 + d) * 180 + p);
+            f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) * merl::UNITS[c]
+        };
+        let found = nacre_optics::color::xyz_of_linear_srgb([0, 1, 2].map(|c| number(c) as f32))[1];
+        assert!((f64::from(found) / sum[1] - 1.0).abs() < 0.03, "{h}, {d}, {p}: {found} for {}", sum[1]);
+    }
+    // Entries below the surface.
+    assert!(merl::pair_of(89, 80, 0).is_none());
+}

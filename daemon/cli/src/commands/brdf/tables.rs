@@ -35,7 +35,7 @@ pub struct Tables {
     /// Polar angles and azimuths of the light in a Mitsuba tensor.
     #[arg(long, value_name = "THETA,PHI", default_value = "12,32", value_parser = angles)]
     angles: [usize; 2],
-    /// Coherence width of the light in µm (default: what the table resolves).
+    /// Coherence width of the light in µm (default: as its lobes fill the cells).
     #[arg(long, value_name = "UM", allow_negative_numbers = true)]
     coherence_um: Option<f64>,
     /// Reflectance model of the smooth surface.
