@@ -51,8 +51,8 @@ pub struct Table {
     pub shape: Vec<usize>,
     /// Coherence width in µm. If none was given, it is such that lobes fill the cells.
     pub coherence_um: f64,
-    /// Largest magnitude, in the plane, of the half vector ωi + ωr that the pixels of the height field carry. The table is
-    /// dark beyond.
+    /// Largest magnitude, in the plane, of the half vector ωi + ωr that the pixels of the height field carry. The table
+    /// is dark beyond.
     pub extent: f64,
     /// Root mean square difference between the interpolated table and the BRDF at random pairs of directions, over the
     /// root mean square of the BRDF there (measured). Outside of the lobe in the mirror direction, which outshines all
