@@ -140,7 +140,7 @@ fn a_camera_with_other_settings_stops_the_session_until_it_is_set() {
     assert!(refused.status >= 400 && refused.text().contains("10 ms or 12.5 ms"), "{}", refused.text());
     let id = begin(&bench.service, &plan);
     let base = format!("/api/v1/sessions/{id}");
-    let stopped = bench.service.until(&base, |s| s["error"].is_string());
+    let stopped = bench.service.until(&base, |s| s["error"].is_string() && s["stage"].is_null());
     let told = stopped["error"].as_str().unwrap();
     println!("{told}");
     assert!(told.contains("1/100 s (10 ms)") && told.contains("1/30 s (33.33 ms) in 1.jpg"), "{told}");
