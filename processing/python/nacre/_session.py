@@ -55,6 +55,9 @@ class Session(Sequence[Frame]):
     def __iter__(self) -> Iterator[Frame]:
         return iter(self._frames)
 
+    def __repr__(self) -> str:
+        return f"Session({str(self.path)!r}: {len(self)} photographs)"
+
     @property
     def results(self) -> Result[Any] | None:
         """Results that were computed with the session; None without them."""
@@ -62,13 +65,18 @@ class Session(Sequence[Frame]):
         return Result(folder) if (folder / "report.json").exists() else None
 
     def to_xarray(self) -> Any:
-        """All frames as an `xarray.DataArray` (frame, y, x), with analyser angle and exposure as coordinates."""
+        """All frames as an `xarray.DataArray` (frame, y, x; of colour cameras also channel).
+
+        Analyser angle and exposure are coordinates.
+        """
         import numpy as np
         import xarray
 
         keys = [k for k in ("analyser_deg", "exposure_s") if all(k in f.description for f in self)]
         coordinates = {key: ("frame", [f.description[key] for f in self]) for key in keys}
-        return xarray.DataArray(np.stack([f.array() for f in self]), coordinates, ("frame", "y", "x"), str(self.path.name))
+        values = np.stack([f.array() for f in self])
+        dimensions = ("frame", "y", "x", "channel")[: values.ndim]
+        return xarray.DataArray(values, coordinates, dimensions, self.path.name)
 
 
 def open(path: str | os.PathLike[str]) -> Session | Result[Any]:
