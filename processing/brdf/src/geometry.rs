@@ -39,7 +39,7 @@ impl Direction {
         Ok(Self::new(theta_deg.to_radians(), phi_deg.to_radians()))
     }
 
-    fn dot(self, other: Self) -> f64 {
+    pub(crate) fn dot(self, other: Self) -> f64 {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 }

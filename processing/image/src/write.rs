@@ -85,9 +85,7 @@ pub fn write_exr_as(
     fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
 ) -> Result<()> {
     let write = || {
-        let mut order: Vec<usize> = (0..channels.len()).collect();
-        order.sort_by_key(|&i| channels[i]);
-        let sorted: Vec<&str> = order.iter().map(|&i| channels[i]).collect();
+        let (order, sorted) = in_order(channels);
         let header = exr_header(precision, Compression::None, [width, height], &sorted, attributes)?;
         let mut file = File::create(path)?;
         file.write_all(&header)?;
@@ -137,6 +135,14 @@ fn fill_chunk(
 /// Byte position of every row's chunk, 8 bytes each.
 fn offset_table(header: usize, rows: usize, chunk: usize) -> Vec<u8> {
     (0..rows).flat_map(|row| ((header + rows * 8 + row * chunk) as u64).to_le_bytes()).collect()
+}
+
+/// Indices and names of channels in the order of the file, which is that of their names.
+pub(super) fn in_order<'a>(channels: &[&'a str]) -> (Vec<usize>, Vec<&'a str>) {
+    let mut order: Vec<usize> = (0..channels.len()).collect();
+    order.sort_by_key(|&i| channels[i]);
+    let sorted = order.iter().map(|&i| channels[i]).collect();
+    (order, sorted)
 }
 
 /// Compression of an EXR, with its number in the format.

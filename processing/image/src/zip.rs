@@ -11,7 +11,7 @@ use flate2::Compression as Level;
 use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 
-use super::write::{Attribute, Compression, Precision, exr_header};
+use super::write::{Attribute, Compression, Precision, exr_header, in_order};
 use nacre_base::{Error, Result};
 
 /// Rows of a block of ZIP compression ("OpenEXR File Layout").
@@ -36,9 +36,7 @@ pub fn write_exr_zip(
     fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
 ) -> Result<()> {
     let write = || {
-        let mut order: Vec<usize> = (0..channels.len()).collect();
-        order.sort_by_key(|&i| channels[i]);
-        let sorted: Vec<&str> = order.iter().map(|&i| channels[i]).collect();
+        let (order, sorted) = in_order(channels);
         let header = exr_header(Precision::Float, Compression::Zip, [width, height], &sorted, attributes)?;
         let mut file = File::create(path)?;
         file.write_all(&header)?;
@@ -64,7 +62,8 @@ pub fn write_exr_zip(
     write().map_err(|error| Error::output(path, error))
 }
 
-/// A block of rows: first row, byte count, then the compressed rows, or the rows themselves if that is not shorter.
+/// A block: number of its first row, number of bytes, and the compressed rows. Rows that compression does not shorten
+/// are stored as they are.
 fn block_bytes(
     rows: std::ops::Range<usize>,
     width: usize,

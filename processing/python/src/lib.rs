@@ -13,7 +13,6 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyValueError};
 use pyo3::prelude::*;
 use serde_json::Value;
-use std::path::PathBuf;
 
 create_exception!(nacre, InputError, PyValueError, "Invalid input: a file or an option. Nothing was written.");
 create_exception!(nacre, OutputError, PyOSError, "A result could not be written. Partial output was removed.");
@@ -33,6 +32,14 @@ fn in_python(message: &str) -> String {
     let mut text = String::with_capacity(message.len());
     let mut rest = message;
     while let Some((before, after)) = rest.split_once("--") {
+        // Names of files may contain two hyphens, too.
+        let begins = before.chars().next_back().map_or(text.is_empty(), |c| !c.is_alphanumeric() && c != '-');
+        if !begins {
+            text += before;
+            text += "--";
+            rest = after;
+            continue;
+        }
         let end = after.find(|c: char| !c.is_ascii_lowercase() && c != '-').unwrap_or(after.len());
         let (option, following) = after.split_at(end);
         text += before;
@@ -56,22 +63,12 @@ fn operations() -> Vec<&'static str> {
     OPERATIONS.iter().map(|o| o.name()).collect()
 }
 
-/// Predicted time, memory and disk space of an operation, as JSON: seconds of this machine, bytes.
-#[pyfunction]
-fn estimate(py: Python<'_>, name: &str, input: PathBuf, options: &str) -> PyResult<String> {
-    let ready = ready(name, options)?;
-    let work = py.detach(move || ready.check(&input)).map_err(raised)?;
-    let estimate = py.detach(|| nacre_base::estimate::Machine::here().estimate(&work));
-    serde_json::to_string(&estimate).map_err(|e| PyValueError::new_err(e.to_string()))
-}
-
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("InputError", module.py().get_type::<InputError>())?;
     module.add("OutputError", module.py().get_type::<OutputError>())?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(operations, module)?)?;
-    module.add_function(wrap_pyfunction!(estimate, module)?)?;
     module.add_function(wrap_pyfunction!(running::run, module)?)?;
     module.add_function(wrap_pyfunction!(arrays::read_maps, module)?)?;
     module.add_function(wrap_pyfunction!(arrays::write_maps, module)?)?;

@@ -4,7 +4,7 @@
 //! Entries lie at half vectors: θ = u²π/2 and φ = (2v - 1)π. The paper's warp by visible normals is the identity here,
 //! as it would gather entries around one mirror-like lobe; `luminance` alone directs the samples.
 
-use super::{Prepared, Table, check_size, half_angles, mirrored, resolved_um};
+use super::{EVERYWHERE, Prepared, Table, check_size, coherence, half_angles, mirrored};
 use crate::engine::Memory;
 use crate::geometry::Direction;
 use crate::height::{HeightField, Quality};
@@ -19,11 +19,11 @@ use std::path::Path;
 /// Largest angle of incidence in rad; beyond it, Mitsuba repeats the last entries.
 const STEEPEST: f64 = 80.0 / 180.0 * PI;
 
-/// Part of the mean density with which directions without light are sampled: errors of the interpolation may hide some.
+/// Part of the mean density that every direction gets, also dark ones: between entries, there may be light.
 const FLOOR: f64 = 0.02;
 
 /// Largest size of the tensor in bytes.
-const MOST_BYTES: usize = 2 << 30;
+const MOST_BYTES: usize = 1 << 30;
 
 /// Type codes of the tensor file.
 const UINT8: u8 = 1;
@@ -36,7 +36,7 @@ struct Grid {
     phi: Vec<f64>,
     /// Entries along a side of the half vectors.
     size: usize,
-    /// Wave numbers in 1/µm from long to short wavelengths, and their weights in Y.
+    /// Wave numbers in 1/µm from short to long wavelengths, and their weights in Y.
     numbers: Vec<f64>,
     weights: Vec<f64>,
 }
@@ -70,8 +70,9 @@ pub fn measured(
     check_size("size", size, 8..=512)?;
     check_size("angles", angles[0], 2..=90)?;
     check_size("angles", angles[1], 4..=360)?;
-    // Azimuths of half vectors are the coarser ones for most of them.
-    let coherence_um = coherence_um.unwrap_or_else(|| resolved_um(0.75 * TAU / size as f64));
+    // Cells are widest along the azimuth. Most of the light is within this magnitude of the half vector.
+    const MIDDLE: f64 = 0.75;
+    let (coherence_um, mut warnings) = coherence(coherence_um, MIDDLE * TAU / size as f64);
     let settings = Settings { coherence_um, ..settings.clone() };
     let densities = 20 * size * size * angles[0] * angles[1];
     let prepared = Prepared::new(field, quality, &settings, densities, progress)?;
@@ -80,8 +81,8 @@ pub fn measured(
         theta: (0..angles[0]).map(|k| STEEPEST * k as f64 / (angles[0] - 1) as f64).collect(),
         phi: (0..=angles[1]).map(|k| (2.0 * k as f64 / angles[1] as f64 - 1.0) * PI).collect(),
         size,
-        numbers: samples.numbers.clone(),
-        weights: samples.weights.iter().map(|w| w[1]).collect(),
+        numbers: samples.numbers.iter().rev().copied().collect(),
+        weights: samples.weights.iter().rev().map(|w| w[1]).collect(),
     };
     let bytes = 4 * (grid.slice() + size * size) * grid.theta.len() * grid.phi.len();
     if bytes > MOST_BYTES {
@@ -96,19 +97,21 @@ pub fn measured(
     let error = prepared.compared(&samples, 0.0, &|pair| interpolated(&grid, &spectra, pair));
     let luminance = luminance(&grid, &spectra);
     write_whole(out, &tensor(&grid, &spectra, &luminance, &field.name))?;
+    warnings.extend(prepared.warning());
     Ok(Table {
-        choice: prepared.choice.clone(),
+        choice: prepared.choice,
         shape: vec![grid.phi.len(), grid.theta.len(), grid.numbers.len(), size, size],
         coherence_um,
         extent: prepared.extent,
         error,
-        warnings: prepared.warnings(),
+        error_of: EVERYWHERE,
+        warnings,
     })
 }
 
-/// BRDF times the cosine of view, for azimuth, angle, wavelength (from long to short), and rows of half vectors.
+/// BRDF times the cosine of view, for azimuth, angle, wavelength, and rows of half vectors.
 fn spectra(prepared: &Prepared<'_>, grid: &Grid, progress: &dyn Progress) -> Result<Vec<f32>> {
-    let slice = grid.slice();
+    let (slice, cells) = (grid.slice(), grid.size * grid.size);
     let mut spectra = vec![0.0; slice * grid.theta.len() * grid.phi.len()];
     let distinct = grid.theta.len() * (grid.phi.len() - 1);
     progress.stage("directions of light", distinct as u64);
@@ -117,18 +120,17 @@ fn spectra(prepared: &Prepared<'_>, grid: &Grid, progress: &dyn Progress) -> Res
             return;
         }
         let light = Direction::new(grid.theta[k % grid.theta.len()], grid.phi[k / grid.theta.len()]);
-        for (place, values) in (0..grid.size * grid.size).zip(0..) {
+        for place in 0..cells {
             let view = mirrored(light, grid.half(place % grid.size, place / grid.size));
             for (w, number) in grid.numbers.iter().enumerate() {
                 let value = prepared.at(light, view, *number, memory) * view.z;
-                out[w * grid.size * grid.size + values] = value as f32;
+                out[w * cells + place] = value as f32;
             }
         }
         progress.step();
     });
     progress.check()?;
-    let first: Vec<f32> = spectra[..slice * grid.theta.len()].to_vec();
-    spectra[slice * distinct..].copy_from_slice(&first);
+    spectra.copy_within(..slice * grid.theta.len(), slice * distinct);
     Ok(spectra)
 }
 
@@ -143,8 +145,7 @@ fn luminance(grid: &Grid, spectra: &[f32]) -> Vec<f32> {
                     (0..grid.numbers.len()).map(|w| grid.weights[w] * f64::from(slice[w * cells + place])).sum();
                 let half = grid.half(place % grid.size, place / grid.size);
                 let u = (place % grid.size) as f64 / (grid.size - 1) as f64;
-                let cosine = light.x * half.x + light.y * half.y + light.z * half.z;
-                y * u * half.x.hypot(half.y) * cosine.max(0.0)
+                y * u * half.x.hypot(half.y) * light.dot(half).max(0.0)
             })
             .collect();
         let floor = FLOOR * values.iter().sum::<f64>() / cells as f64;
@@ -195,12 +196,12 @@ fn tensor(grid: &Grid, spectra: &[f32], luminance: &[f32], name: &str) -> Vec<u8
         ("jacobian", UINT8, vec![1], vec![0]),
         ("theta_i", FLOAT32, vec![theta], doubles(&grid.theta)),
         ("phi_i", FLOAT32, vec![phi], doubles(&grid.phi)),
-        ("wavelengths", FLOAT32, vec![nm.len()], doubles(&nm.iter().rev().copied().collect::<Vec<_>>())),
+        ("wavelengths", FLOAT32, vec![nm.len()], doubles(&nm)),
         ("ndf", FLOAT32, vec![2, 2], floats(&ones[..4])),
         ("sigma", FLOAT32, vec![2, 2], floats(&ones[..4])),
         ("vndf", FLOAT32, vec![phi, theta, 2, 2], floats(&ones)),
         ("luminance", FLOAT32, vec![phi, theta, size, size], floats(luminance)),
-        ("spectra", FLOAT32, vec![phi, theta, nm.len(), size, size], ascending(grid, spectra)),
+        ("spectra", FLOAT32, vec![phi, theta, nm.len(), size, size], floats(spectra)),
     ];
     let head = 18 + fields.iter().map(|f| 2 + f.0.len() + 2 + 1 + 8 + 8 * f.2.len()).sum::<usize>();
     let mut bytes = b"tensor_file\0\x01\0".to_vec();
@@ -220,11 +221,4 @@ fn tensor(grid: &Grid, spectra: &[f32], luminance: &[f32], name: &str) -> Vec<u8
         bytes.extend(data);
     }
     bytes
-}
-
-/// The spectra from short to long wavelengths, as bytes.
-fn ascending(grid: &Grid, spectra: &[f32]) -> Vec<u8> {
-    let cells = grid.size * grid.size;
-    let rows = spectra.chunks_exact(grid.slice()).flat_map(|slice| slice.chunks_exact(cells).rev());
-    rows.flatten().flat_map(|v| v.to_le_bytes()).collect()
 }

@@ -2,7 +2,7 @@
 //!
 //! It has 90 × 90 × 180 entries over the half vector's angle, and the difference vector's angle and azimuth.
 
-use super::{GRAZING, Prepared, Table, resolved_um};
+use super::{GRAZING, OUTSIDE, Prepared, Table, coherence};
 use crate::brdf::Factors;
 use crate::engine::Memory;
 use crate::geometry::{Direction, Pair};
@@ -40,7 +40,8 @@ const TESTED: usize = 300;
 /// Computes the table as a mean over azimuths.
 ///
 /// # Errors
-/// `Input` for a surface that is not isotropic, and as [`map`](crate::map); `Output` if the file cannot be written.
+/// `Input` for a surface that is not isotropic, and in the cases of [`map`](crate::map). `Output` if the file cannot be
+/// written.
 pub fn merl(
     field: &HeightField,
     quality: &Quality,
@@ -49,13 +50,13 @@ pub fn merl(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Table> {
-    // A degree in the half vector's angle.
-    let coherence_um = coherence_um.unwrap_or_else(|| resolved_um(2.0 * PI / 180.0));
+    // A half vector that is tilted by a degree has twice its sine in the plane.
+    let (coherence_um, mut warnings) = coherence(coherence_um, 2.0 * PI / 180.0);
     let settings = Settings { coherence_um, ..settings.clone() };
     let prepared = Prepared::new(field, quality, &settings, 100_000 * AZIMUTHS, progress)?;
     let samples = prepared.samples()?;
     progress.stage("mean over azimuths", 1);
-    let rings = Rings::new(&prepared, relief_um(field));
+    let rings = Rings::new(&prepared, quality.range_um);
     progress.check()?;
     let mean = |pair: [Direction; 2]| rings.xyz(&prepared, pair, &samples);
     let off = deviation(&prepared, &samples, &mean);
@@ -89,13 +90,13 @@ pub fn merl(
         bytes.extend(table.iter().flat_map(|v| if v[c] < 0.0 { v[c] } else { v[c] / unit }.to_le_bytes()));
     }
     write_whole(out, &bytes)?;
-    let mut warnings = prepared.warnings();
+    warnings.extend(prepared.warning());
     warnings.push(format!(
         "a mean over azimuths: the BRDF differs from it by {:.0} % (speckle of the patch, and anisotropy)",
         100.0 * off
     ));
     let (choice, extent) = (prepared.choice, prepared.extent);
-    Ok(Table { choice, shape: SHAPE.to_vec(), coherence_um, extent, error: off, warnings })
+    Ok(Table { choice, shape: SHAPE.to_vec(), coherence_um, extent, error: off, error_of: OUTSIDE, warnings })
 }
 
 /// Power density averaged over azimuths. It depends on the magnitude of the spatial frequency and on q = 2πw/λ only, so
@@ -157,12 +158,6 @@ impl Rings {
     }
 }
 
-/// Range of heights in µm.
-fn relief_um(field: &HeightField) -> f64 {
-    let [low, high] = field.um.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], h| [a.min(*h), b.max(*h)]);
-    high - low
-}
-
 /// Root mean square deviation of the BRDF from its mean over azimuths.
 fn deviation(prepared: &Prepared<'_>, samples: &Samples, mean: &(dyn Fn([Direction; 2]) -> [f64; 3] + Sync)) -> f64 {
     let squares = |memory: &mut Memory, k: usize| {
@@ -198,6 +193,7 @@ pub(super) fn pair_of(h: usize, d: usize, p: usize) -> Option<[Direction; 2]> {
     pair.iter().all(|d| d.z > 0.0).then_some(pair)
 }
 
+/// A direction turned around the normal by an angle in rad.
 pub(super) fn turned(d: Direction, angle: f64) -> Direction {
     let (sin, cos) = angle.sin_cos();
     Direction { x: d.x * cos - d.y * sin, y: d.x * sin + d.y * cos, z: d.z }

@@ -4,8 +4,8 @@
 //! - [`half_vector`]: table over half vectors, as `lut.exr`.
 //! - [`merl`]: isotropic table in the format of the MERL set (Matusik et al. 2003).
 //!
-//! A table cannot hold lobes that are narrower than its cells. So its coherence is reduced until they are as wide:
-//! their light is kept, their width is not.
+//! A table cannot hold lobes that are narrower than its cells. Its coherence width is therefore reduced until lobes are
+//! as wide as a cell. This preserves their light, but not their width.
 
 mod half_vector;
 mod measured;
@@ -34,7 +34,8 @@ pub use merl::merl;
 /// Wavelength in µm for which cells and lobes are compared.
 const MIDDLE_UM: f64 = 0.55;
 
-/// Standard deviation of a lobe in cells, at least: below, linear interpolation between cells shows.
+/// Smallest standard deviation of a lobe in cells. Between two entries, linear interpolation of such a lobe is wrong by
+/// up to 1/8 of its peak, and by more for narrower ones.
 const LOBE_CELLS: f64 = 1.0;
 
 /// Smallest cosine of a direction: the BRDF diverges at grazing angles.
@@ -49,15 +50,16 @@ pub struct Table {
     pub choice: Choice,
     /// Number of entries along each axis.
     pub shape: Vec<usize>,
-    /// Coherence width in µm. If none was given, it is such that lobes fill the cells.
+    /// Coherence width in µm: the given one, or that of lobes as wide as a cell.
     pub coherence_um: f64,
     /// Largest magnitude, in the plane, of the half vector ωi + ωr that the pixels of the height field carry. The table
     /// is dark beyond.
     pub extent: f64,
-    /// Root mean square difference between the interpolated table and the BRDF at random pairs of directions, over the
-    /// root mean square of the BRDF there (measured). Outside of the lobe in the mirror direction, which outshines all
-    /// else, for [`half_vector`] and [`merl`].
+    /// Root mean square difference between table and BRDF at random pairs of directions, over the root mean square of
+    /// the BRDF there (measured).
     pub error: f64,
+    /// Pairs of directions that `error` is of.
+    pub error_of: &'static str,
     /// Warnings about the table.
     pub warnings: Vec<String>,
 }
@@ -75,11 +77,21 @@ fn extent(field: &HeightField) -> f64 {
     (0.5 / field.pixel_um * RANGE_NM[0] / 1e3).min(2.0)
 }
 
-/// Coherence width in µm whose lobes are resolved by cells of this size in the half vector.
-fn resolved_um(cell: f64) -> f64 {
+/// `error_of` of tables that are compared everywhere, and of those that leave the mirror direction out: its lobe
+/// outshines all others.
+const EVERYWHERE: &str = "all directions";
+const OUTSIDE: &str = "outside of the lobe in the mirror direction";
+
+/// Coherence width in µm: the given one, or that of lobes as wide as cells of this size in the half vector. Warns of
+/// narrower lobes.
+fn coherence(given_um: Option<f64>, cell: f64) -> (f64, Vec<String>) {
     // Inverse of `Window::new`.
     let sigma = LOBE_CELLS * cell / MIDDLE_UM;
-    (4.0 / (8_f64.sqrt() * std::f64::consts::PI * sigma)).clamp(1.0, 1e4)
+    let resolved_um = (4.0 / (8_f64.sqrt() * std::f64::consts::PI * sigma)).clamp(1.0, 1e4);
+    let narrow = given_um.is_some_and(|given| given > 1.01 * resolved_um);
+    let warning =
+        || format!("lobes are narrower than the table's cells, which resolve a coherence of {resolved_um:.1} µm");
+    (given_um.unwrap_or(resolved_um), narrow.then(warning).into_iter().collect())
 }
 
 impl<'a> Prepared<'a> {
@@ -128,6 +140,7 @@ impl<'a> Prepared<'a> {
     /// Wavelengths in steps over which a lobe of this window moves by less than its width.
     fn samples(&self) -> Result<Samples> {
         let light = Illuminant::of(&self.settings.illuminant)?;
+        // Relative change of the wavelength that moves an order at the extent by one standard deviation of its lobe.
         let moved = self.window().sigma * MIDDLE_UM / self.extent.min(1.0);
         Ok(Samples::in_steps((1e3 * MIDDLE_UM * moved).clamp(1.0, 20.0), &light, self.settings.observer))
     }
@@ -161,20 +174,16 @@ impl<'a> Prepared<'a> {
         self.window().radius(1e-4) * RANGE_NM[1] / 1e3
     }
 
-    fn warnings(&self) -> Vec<String> {
-        if self.extent >= 2.0 {
-            return vec![];
-        }
-        vec![format!(
-            "the pixels of the height field carry half vectors up to {:.2}; beyond, the table is dark",
-            self.extent
-        )]
+    /// Warning about directions that the pixels of the height field do not carry.
+    fn warning(&self) -> Option<String> {
+        let problem = "the pixels of the height field carry half vectors up to";
+        (self.extent < 2.0).then(|| format!("{problem} {:.2}; beyond, the table is dark", self.extent))
     }
 }
 
 /// A direction mirrored at another.
 fn mirrored(light: Direction, half: Direction) -> Direction {
-    let twice = 2.0 * (light.x * half.x + light.y * half.y + light.z * half.z);
+    let twice = 2.0 * light.dot(half);
     Direction { x: twice * half.x - light.x, y: twice * half.y - light.y, z: twice * half.z - light.z }
 }
 

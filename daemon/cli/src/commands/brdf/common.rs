@@ -50,9 +50,9 @@ pub struct Optics {
     max_error: f64,
 }
 
-/// Reflectance of the material and normalisation of the output.
+/// Reflectance of the surface.
 #[derive(clap::Args)]
-pub struct Material {
+pub struct Metal {
     /// Reflectance model of the smooth surface.
     #[arg(
         long,
@@ -63,6 +63,13 @@ pub struct Material {
     /// Include shadowing and masking of V grooves.
     #[arg(long)]
     shadowing: bool,
+}
+
+/// Reflectance of the material and normalisation of the output.
+#[derive(clap::Args)]
+pub struct Material {
+    #[command(flatten)]
+    metal: Metal,
     /// Output quantity: brdf (1/sr), or relative to a flat mirror in its mirror direction.
     #[arg(long, default_value = "brdf", value_name = "brdf|relative")]
     normalisation: Normalisation,
@@ -113,19 +120,17 @@ impl Optics {
     }
 }
 
+impl Metal {
+    /// Adds reflectance and shadowing to the settings.
+    pub fn add(&self, settings: Settings) -> Settings {
+        Settings { reflectance: self.material.clone(), shadowing: self.shadowing, ..settings }
+    }
+}
+
 impl Material {
     /// Adds reflectance, shadowing and normalisation to the settings.
     pub fn add(&self, settings: Settings) -> Settings {
-        Settings {
-            reflectance: self.reflectance(),
-            shadowing: self.shadowing,
-            normalisation: self.normalisation,
-            ..settings
-        }
-    }
-
-    fn reflectance(&self) -> Reflectance {
-        self.material.clone()
+        Settings { normalisation: self.normalisation, ..self.metal.add(settings) }
     }
 }
 

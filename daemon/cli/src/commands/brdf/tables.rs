@@ -1,11 +1,11 @@
 //! `nacre brdf tables`.
 
-use super::common::Surface;
+use super::common::{Metal, Surface};
 use crate::console::Console;
 use clap::ValueEnum;
 use nacre_base::vacant;
 use nacre_brdf::tables::{half_vector, measured, merl};
-use nacre_brdf::{Reflectance, Report, Settings};
+use nacre_brdf::{Report, Settings};
 use nacre_capture::Failure;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -20,9 +20,9 @@ Examples:
   nacre brdf tables bumps.exr --material aluminium --out bumps.binary   MERL, if the surface is isotropic
   nacre brdf tables shallow.exr --out lut.exr                       table material of nacre render
 
-The ending of --out gives the format. A table cannot hold lobes that are narrower than its cells: the coherence is reduced
-until they are as wide, unless --coherence-um is given. The report states it, and the error of the table, measured at 4000
-random pairs of directions. FILE.json is written beside it.")]
+The ending of --out gives the format. A table cannot hold lobes that are narrower than its cells: without --coherence-um,
+lobes are as wide as a cell. The report (FILE.json) states the coherence, and the error of the table, measured at random
+pairs of directions.")]
 pub struct Tables {
     #[command(flatten)]
     surface: Surface,
@@ -35,19 +35,11 @@ pub struct Tables {
     /// Polar angles and azimuths of the light in a Mitsuba tensor.
     #[arg(long, value_name = "THETA,PHI", default_value = "12,32", value_parser = angles)]
     angles: [usize; 2],
-    /// Coherence width of the light in µm (default: as its lobes fill the cells).
+    /// Coherence width of the light in µm (default: that of lobes as wide as a cell).
     #[arg(long, value_name = "UM", allow_negative_numbers = true)]
     coherence_um: Option<f64>,
-    /// Reflectance model of the smooth surface.
-    #[arg(
-        long,
-        default_value = "perfect",
-        value_name = "perfect|schlick=R0|aluminium|silver|gold|copper|nickel|chromium|silicon"
-    )]
-    material: Reflectance,
-    /// Include shadowing and masking of V grooves.
-    #[arg(long)]
-    shadowing: bool,
+    #[command(flatten)]
+    metal: Metal,
     /// Spectrum of the light for colours: a name or a CSV file. Spectra do not depend on it.
     #[arg(long, default_value = "D65", value_name = "NAME|FILE.csv")]
     illuminant: String,
@@ -75,10 +67,11 @@ enum Format {
 struct More {
     /// Number of entries along each axis.
     shape: Vec<usize>,
-    coherence_um: f64,
     extent: f64,
-    /// Measured root mean square difference of the interpolated table from the BRDF.
+    /// Root mean square difference between table and BRDF, over the root mean square of the BRDF (measured).
     table_error: f64,
+    /// Directions that `table_error` is of.
+    table_error_of: &'static str,
     bytes: u64,
 }
 
@@ -108,12 +101,7 @@ impl Tables {
         let format = self.format()?;
         let json = self.out.with_extension("json");
         vacant(&[self.out.clone(), json.clone()], self.force)?;
-        let settings = Settings {
-            reflectance: self.material.clone(),
-            shadowing: self.shadowing,
-            illuminant: self.illuminant.clone(),
-            ..Settings::default()
-        };
+        let settings = self.metal.add(Settings { illuminant: self.illuminant.clone(), ..Settings::default() });
         let (field, quality) = self.surface.read(self.coherence_um.unwrap_or(settings.coherence_um), console)?;
         let (out, coherence) = (&self.out, self.coherence_um);
         let table = match format {
@@ -136,9 +124,9 @@ impl Tables {
             choice: table.choice,
             more: More {
                 shape: table.shape,
-                coherence_um: table.coherence_um,
                 extent: table.extent,
                 table_error: table.error,
+                table_error_of: table.error_of,
                 bytes: self.out.metadata().map_or(0, |m| m.len()),
             },
             seconds: begun.elapsed().as_secs_f64(),
@@ -147,11 +135,12 @@ impl Tables {
         report.write(&json)?;
         let shape: Vec<String> = report.more.shape.iter().map(usize::to_string).collect();
         let text = format!(
-            "table     {} entries, {:.1} MB, {:.1} % off the BRDF (measured)\nlobes     as with a coherence of {:.1} µm",
+            "table     {} entries, {:.1} MB\nerror     {:.1} % of the BRDF (root mean square, {}, measured)\nlobes     as with a coherence of {:.1} µm",
             shape.join(" × "),
             report.more.bytes as f64 / 1e6,
             100.0 * report.more.table_error,
-            table.coherence_um
+            report.more.table_error_of,
+            report.settings.coherence_um
         );
         console.result(&report.lines(&text), &report);
         Ok(())

@@ -1,8 +1,8 @@
 //! Gratings as anisotropic metal, the nearest material of formats without diffraction.
 //!
 //! The roughness is increased along the grating vector, across the grooves, as of brushed metal. Its GGX slope α is
-//! the slope of a facet that reflects normal incidence into the first order of [`WAVELENGTH_NM`]. The highlight then
-//! reaches as far as the first order does, without its colours.
+//! the slope of a facet that reflects normal incidence into the first order of [`WAVELENGTH_NM`]. The highlight is then
+//! as wide as the first order is far from the mirror direction. It has no colours.
 
 use super::maps;
 use nacre_base::{Error, Result};

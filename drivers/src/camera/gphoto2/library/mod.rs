@@ -149,7 +149,7 @@ fn denied(port: &str) -> bool {
     })
 }
 
-/// Error for a camera that is not connected; its message lists the connected ones.
+/// Error for a camera that is not connected. Its message lists the connected cameras.
 fn missing(device: Option<&str>, all: &[Detected]) -> Failure {
     let all: Vec<&Detected> = all.iter().collect();
     let text = match (device, all.is_empty()) {
